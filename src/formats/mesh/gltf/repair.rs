@@ -3,8 +3,7 @@
 //! The format crate refuses a whole document for an entry that is not as in the standard. A document that it refuses is
 //! read again without such entries.
 
-use ::gltf::json::{Animation, Camera, Image, Material, Root, Skin, Texture, texture};
-use serde::de::DeserializeOwned;
+use ::gltf::json::Root;
 use serde_json::{Value, json};
 
 use crate::formats::mesh::MeshReadError;
@@ -85,15 +84,15 @@ pub(super) fn reread(text: &str, error: MeshReadError) -> Result<(Root, Vec<Noti
             repaired.push(format!("{count} x invalid {name}"));
         }
     };
-    replace("animation", without_invalid::<Animation>(&mut document["animations"]));
+    replace("animation", without_invalid("animations", &mut document));
     let material = |old: &Value| json!({"name": old["name"].as_str().unwrap_or_default()});
-    replace("material", with_valid::<Material>(&mut document["materials"], material));
-    replace("texture", with_valid::<Texture>(&mut document["textures"], |_| json!({"source": 0})));
-    replace("texture sampler", with_valid::<texture::Sampler>(&mut document["samplers"], |_| json!({})));
-    replace("image", with_valid::<Image>(&mut document["images"], |_| json!({})));
-    replace("skin", with_valid::<Skin>(&mut document["skins"], |_| json!({"joints": []})));
+    replace("material", with_valid("materials", &mut document, material));
+    replace("texture", with_valid("textures", &mut document, |_| json!({"source": 0})));
+    replace("texture sampler", with_valid("samplers", &mut document, |_| json!({})));
+    replace("image", with_valid("images", &mut document, |_| json!({})));
+    replace("skin", with_valid("skins", &mut document, |_| json!({"joints": []})));
     let camera = |_: &Value| json!({"type": "perspective", "perspective": {"yfov": 1, "znear": 1}});
-    replace("camera", with_valid::<Camera>(&mut document["cameras"], camera));
+    replace("camera", with_valid("cameras", &mut document, camera));
     // Indexing adds an empty entry where there was none.
     if let Some(entries) = document.as_object_mut() {
         entries.retain(|_, value| !value.is_null());
@@ -101,7 +100,7 @@ pub(super) fn reread(text: &str, error: MeshReadError) -> Result<(Root, Vec<Noti
     if repaired.is_empty() {
         return Err(error);
     }
-    let root = serde_json::from_value(document).map_err(|_| error)?;
+    let root = Root::from_str(&document.to_string()).map_err(|_| error)?;
     let message = format!(
         "the file is not valid glTF, but what is wrong does not change the shape and was ignored: {}",
         repaired.join(", ")
@@ -123,20 +122,22 @@ fn with_lists_of_nodes(document: &mut Value) -> usize {
     without.map(|scene| scene.insert("nodes".into(), json!([]))).count()
 }
 
-fn is_valid<T: DeserializeOwned>(entry: &Value) -> bool {
-    T::deserialize(entry).is_ok()
+/// Whether a document with nothing but this entry in the list can be read. Types of single entries would be compiled once more.
+fn is_valid(list: &str, entry: &Value) -> bool {
+    let document = json!({"asset": {"version": "2.0"}, list: [entry]});
+    Root::from_str(&document.to_string()).is_ok()
 }
 
 /// Removes the invalid entries of a list to which nothing refers; returns how many.
-fn without_invalid<T: DeserializeOwned>(list: &mut Value) -> usize {
-    let Some(entries) = list.as_array_mut() else { return 0 };
+fn without_invalid(list: &str, document: &mut Value) -> usize {
+    let Some(entries) = document[list].as_array_mut() else { return 0 };
     let all = entries.len();
-    entries.retain(is_valid::<T>);
+    entries.retain(|entry| is_valid(list, entry));
     all - entries.len()
 }
 
 /// Replaces the invalid entries of a list, whose places others refer to; returns how many.
-fn with_valid<T: DeserializeOwned>(list: &mut Value, stand_in: impl Fn(&Value) -> Value) -> usize {
-    let entries = list.as_array_mut().into_iter().flatten().filter(|entry| !is_valid::<T>(entry));
-    entries.map(|entry| *entry = stand_in(entry)).count()
+fn with_valid(list: &str, document: &mut Value, stand_in: impl Fn(&Value) -> Value) -> usize {
+    let entries = document[list].as_array_mut().into_iter().flatten();
+    entries.filter(|entry| !is_valid(list, entry)).map(|entry| *entry = stand_in(entry)).count()
 }
