@@ -139,6 +139,7 @@ impl Ink {
         Self::sample_marked(pattern, &is_marked, piece, side)
     }
 
+    /// Compiled once, with the geometry: generic functions are compiled where they are called.
     fn sample_marked(pattern: &Pattern, is_marked: &dyn Fn(&str) -> bool, piece: f64, side: f64) -> Self {
         let (mut pieces, mut dots) = (Vec::new(), Vec::new());
         let inked = || inked(pattern, is_marked);

@@ -35,7 +35,7 @@ const WIDEST: f64 = 2.0;
 pub(super) struct EstimatedNormal {
     /// Unit vector.
     pub(super) normal: Vector3<f64>,
-    /// Its standard deviation, rad; 0 where the estimate was left as it is.
+    /// Its standard deviation, rad; 0 where the first estimate is kept, as on flat regions.
     pub(super) deviation: f64,
 }
 
@@ -49,10 +49,10 @@ pub(super) struct EstimatedNormal {
 /// Second derivatives are taken along chords instead of their projections, which makes spheres exact. A vertex without
 /// neighbours, or on a flat region, keeps its estimate.
 ///
-/// The deviation is what coefficients within their priors, and fourth derivatives, change the slope by: little where the vertices
-/// show them, or surround the vertex evenly, much at a border. The priors are as wide as the third derivatives that are found;
-/// on a sphere there are none (the evidence of MacKay, Bayesian interpolation, Neural Computation 4(3), 1992, for one width, in
-/// one step).
+/// The deviation is what coefficients within their priors, and fourth derivatives, change the slope by: little where the
+/// vertices show them, or surround the vertex evenly, much at a border. The priors are as wide as the third derivatives that
+/// are found; on a sphere there are none (the evidence of MacKay, Bayesian interpolation, Neural Computation 4(3), 1992, for
+/// one width, in one step).
 pub(super) fn refined_normal(
     positions: &[Point3<f64>],
     normals: &[Vector3<f64>],
@@ -88,7 +88,7 @@ pub(super) fn refined_normal(
     let expected = SVector::<f64, COEFFICIENTS>::from(usual.map(|usual| usual.powi(-2)));
     let mut matrix = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::from_diagonal(&expected);
     let mut right = SVector::<f64, COEFFICIENTS>::zeros();
-    let mut rows = Vec::new();
+    let mut quartics = SMatrix::<f64, COEFFICIENTS, 5>::zeros();
     for &other in known.iter().filter(|&&other| other as usize != vertex).take(MAX_NEIGHBOURS) {
         let step = (positions[other as usize] - here) / radius;
         let (at, height) = (plane * step, normal.dot(&step));
@@ -111,23 +111,6 @@ pub(super) fn refined_normal(
         let weight = (fourth * square * square + FLOOR).powi(-2);
         matrix += row * row.transpose() * weight;
         right += row * (height * weight);
-        rows.push((row, weight));
-    }
-    let Some(factor) = matrix.cholesky() else { return unchanged };
-    let jet = factor.solve(&right);
-    let tilt = plane.transpose() * jet.fixed_rows::<2>(0);
-    let Some(normal) = (normal - tilt).try_normalize(0.0) else { return unchanged };
-    let covariance = factor.inverse();
-    let thirds = FIRST_OF_THIRD..COEFFICIENTS;
-    let found: f64 = thirds.clone().map(|index| jet[index].powi(2) * expected[index]).sum();
-    let shown: f64 = thirds.map(|index| 1.0 - covariance[(index, index)] * expected[index]).sum();
-    let width = ((found + UNSEEN) / (shown + UNSEEN)).min(WIDEST.powi(2));
-    let slopes = covariance.fixed_columns::<2>(0);
-    let of_prior = slopes.row_iter().zip(&expected).map(|(row, expected)| row.norm_squared() * expected);
-    let of_cubic: f64 = of_prior.sum();
-    let mut quartics = SMatrix::<f64, 2, 5>::zeros();
-    for (row, weight) in &rows {
-        let (x, y) = (row[0], row[1]);
         let quartic = SVector::<f64, 5>::from([
             x.powi(4) / 24.0,
             x.powi(3) * y / 6.0,
@@ -135,9 +118,31 @@ pub(super) fn refined_normal(
             x * y.powi(3) / 6.0,
             y.powi(4) / 24.0,
         ]);
-        quartics += slopes.transpose() * row * quartic.transpose() * *weight;
+        quartics += row * quartic.transpose() * weight;
     }
+    let Some(factor) = matrix.cholesky() else { return unchanged };
+    let jet = factor.solve(&right);
+    let tilt = plane.transpose() * jet.fixed_rows::<2>(0);
+    let Some(normal) = (normal - tilt).try_normalize(0.0) else { return unchanged };
+    let covariance = factor.inverse();
+    let slopes = covariance.fixed_columns::<2>(0);
+    let of_prior = slopes.row_iter().zip(&expected).map(|(row, expected)| row.norm_squared() * expected);
+    let of_cubic: f64 = of_prior.sum();
     // A fourth derivative of 24 leaves a height of 1 at the distance 1.
-    let of_quartic = quartics.norm_squared() * (24.0 * fourth).powi(2);
-    EstimatedNormal { normal, deviation: ((of_cubic + of_quartic) * width).sqrt() }
+    let of_quartic = (slopes.transpose() * quartics).norm_squared() * (24.0 * fourth).powi(2);
+    let width = width_of_thirds(&jet, &expected, &covariance);
+    EstimatedNormal { normal, deviation: (of_cubic + of_quartic).sqrt() * width }
+}
+
+/// How wide the prior of the third derivatives is, as a multiple of the usual width, by those that are found and as far as the
+/// vertices show them. `expected` are the inverse squares of the usual values.
+fn width_of_thirds(
+    jet: &SVector<f64, COEFFICIENTS>,
+    expected: &SVector<f64, COEFFICIENTS>,
+    covariance: &SMatrix<f64, COEFFICIENTS, COEFFICIENTS>,
+) -> f64 {
+    let thirds = FIRST_OF_THIRD..COEFFICIENTS;
+    let found: f64 = thirds.clone().map(|index| jet[index].powi(2) * expected[index]).sum();
+    let shown: f64 = thirds.map(|index| 1.0 - covariance[(index, index)] * expected[index]).sum();
+    ((found + UNSEEN) / (shown + UNSEEN)).sqrt().min(WIDEST)
 }

@@ -117,6 +117,7 @@ impl LengthTrueMap {
         Self::find_marked(surface, pattern, &is_marked, anchor, method)
     }
 
+    /// Compiled once, with the geometry: generic functions are compiled where they are called.
     fn find_marked(
         surface: &FittedSurface,
         pattern: &Pattern,

@@ -2,12 +2,13 @@
 //!
 //! The vertices of a mesh are on the part, and two patches share the curve between two of them. If the patches represent
 //! the part well, they also share their tangent planes along that curve; the less the vertices and their normals define
-//! the part between them, the more the tangent planes differ. The patches of an extruded strip always agree, however; there the
-//! leans of the normals show the error, as on a turned part without normals: on an arc the normals at both ends of a side lean
-//! from it by equal and opposite angles. Where nothing confirms the arc of a side, it may be another one (`chains`), and so may an
-//! edge that only the facets show (`hidden_arcs`). Normals that are estimated have a deviation of their own. On parts given by formulas, with facets of 0.75 to 5 mm, with and without
-//! normals, even, uneven and decimated, half the difference bounds the error of the lengths, areas and
-//! angles that follows from the error of the slope (`tests/true_surface/bounds.rs`).
+//! the part between them, the more the tangent planes differ. The patches of an extruded strip always agree, however; there
+//! the leans of the normals show the error, as on a turned part without normals: on an arc the normals at both ends of a
+//! side lean from it by equal and opposite angles. Where nothing confirms the arc of a side, it may be another one
+//! (`chains`), and so may an edge that only the facets show (`hidden_arcs`). Normals that are estimated have a deviation of
+//! their own. On parts given by formulas, with facets of 0.75 to 5 mm, with and without normals, even, uneven and
+//! decimated, half the difference bounds the error of the lengths, areas and angles that follows from the error of the
+//! slope (`tests/true_surface/bounds.rs`).
 
 use nalgebra::Vector3;
 
