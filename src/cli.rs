@@ -60,11 +60,11 @@ enum Command {
     Correct(Box<correct::CorrectArguments>),
     /// Compares all methods for one drawing on one part, side by side.
     Evaluate(Box<evaluate::EvaluateArguments>),
-    /// Runs a station: drops of parts and patterns become corrected drawings.
+    /// Runs a station: corrects the drawings that are dropped into its hot folder.
     Watch(watch::WatchArguments),
-    /// Shows a station's state: what it did, what waits for what, what was rejected last.
+    /// Shows what a station did, what waits and why, and what was rejected last.
     Status(status::StatusArguments),
-    /// Makes a station try again: what waits, what was rejected, or what is outdated.
+    /// Retries drops of a station: those that wait, were rejected, or are outdated.
     Retry(status::RetryArguments),
     /// Checks the settings of a station and of its SKUs.
     Check(check::CheckArguments),
@@ -72,7 +72,7 @@ enum Command {
     Init(check::InitArguments),
     /// Measures the lens: writes the drawing to mark, and finds the lens distances from what was measured on it.
     Calibrate(calibrate::CalibrateArguments),
-    /// Finds where the part stands under the laser, and draws the outline to put it into.
+    /// Finds where the part stands under the laser, and draws its outline for a plate that holds it.
     Register(Box<register::RegisterArguments>),
     /// Shows what isomark reads in a part or a drawing, and what it assumes.
     Inspect(inspect::InspectArguments),

@@ -23,7 +23,7 @@ const WITHOUT_MESH: &str = "shows only the side that faces the laser, because th
 
 #[derive(Debug, Args)]
 #[command(
-    override_usage = "isomark correct [OPTIONS] --out <OUT.dxf> <PART> <PATTERN>\n       isomark correct [OPTIONS] --out <OUT.dxf> --sku <SKU> <PATTERN>\n       isomark correct [OPTIONS] --out <OUT.dxf> --cylinder <D,LENGTH> <PATTERN>"
+    override_usage = "isomark correct [OPTIONS] --out <OUT.dxf> <PART> <DRAWING>\n       isomark correct [OPTIONS] --out <OUT.dxf> --sku <SKU> <DRAWING>\n       isomark correct [OPTIONS] --out <OUT.dxf> --cylinder <D,LENGTH> <DRAWING>"
 )]
 pub(super) struct CorrectArguments {
     #[command(flatten)]
@@ -93,7 +93,7 @@ pub(super) struct CorrectArguments {
     /// as polylines in space (.dxf).
     #[arg(long, value_name = "FILE.csv|FILE.dxf")]
     xyz: Option<PathBuf>,
-    /// With steps of focus (`--set focus.steps=layers`), writes each step into a file of its own beside OUT, too, named after its
+    /// With steps of focus (`--set focus.steps=layers`), writes each step into a file of its own beside OUT as well, named after its
     /// height, such as OUT.z+1.500.dxf.
     #[arg(long)]
     step_files: bool,

@@ -14,7 +14,7 @@ use crate::printable::on_one_line;
 
 #[derive(Debug, Args)]
 #[command(
-    override_usage = "isomark evaluate [OPTIONS] <PART> <PATTERN>\n       isomark evaluate [OPTIONS] --sku <SKU> <PATTERN>\n       isomark evaluate [OPTIONS] --cylinder <D,LENGTH> <PATTERN>"
+    override_usage = "isomark evaluate [OPTIONS] <PART> <DRAWING>\n       isomark evaluate [OPTIONS] --sku <SKU> <DRAWING>\n       isomark evaluate [OPTIONS] --cylinder <D,LENGTH> <DRAWING>"
 )]
 pub(super) struct EvaluateArguments {
     #[command(flatten)]

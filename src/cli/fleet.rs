@@ -38,7 +38,7 @@ enum Verb {
     },
     /// Releases the settings of a SKU to the stations of a fleet, which write them into their folder `skus`.
     Release(release::ReleaseArguments),
-    /// Removes fits that stations share (they make them again when they are needed), jobs that have ended, or a station that is gone.
+    /// Removes fits that stations share (they make them again when they are needed), jobs that have ended, or a station that no longer exists.
     #[command(group = clap::ArgGroup::new("which").required(true).multiple(true))]
     Prune {
         #[command(flatten)]
@@ -55,7 +55,7 @@ enum Verb {
         /// Removes jobs for other lines that ended this number of days ago.
         #[arg(long, value_name = "DAYS", group = "which", value_parser = parse_amount)]
         ended_days: Option<f64>,
-        /// Removes a station that is gone. Its name is then free for another login.
+        /// Removes a station that no longer exists. Its name is then free for another login.
         #[arg(long, value_name = "NAME", group = "which")]
         station: Option<String>,
     },

@@ -22,7 +22,7 @@ const COMPARISON: &str = "Methods to compare with";
 #[derive(Debug, Args)]
 pub(super) struct JobArguments {
     /// The part (.step, .glb, .gltf, .obj, .stl, .ply, .3mf), or a scan of it (.ply, .xyz, .csv, .txt), and the drawing (.dxf, .svg, .png, .bmp); the part may be left out for a SKU whose surface is kept.
-    #[arg(required = true, num_args = 1..=2, value_names = ["PART", "PATTERN"])]
+    #[arg(required = true, num_args = 1..=2, value_names = ["PART", "DRAWING"])]
     inputs: Vec<PathBuf>,
     /// The product that the part belongs to; its surface is kept for later drawings. Default: the part's file name.
     #[arg(long, help_heading = INPUT)]

@@ -50,7 +50,7 @@ pub(super) struct MeaningArguments {
     /// Keeps a drawing unchanged: nothing is joined, closed or removed; isomark only warns.
     #[arg(long, help_heading = "Part and drawing")]
     strict: bool,
-    /// When visible ink on an ink layer cannot be read: refuse (default) the drawing, or warn and mark the rest.
+    /// If visible ink on an ink layer cannot be read: refuse (default) rejects the drawing, warn marks the rest.
     #[arg(long, value_name = "WHAT", help_heading = "Part and drawing")]
     losses: Option<String>,
     /// Marks the light pixels of a picture instead of the dark ones.

@@ -162,6 +162,6 @@ pub(super) fn take_over(place: &Place, target: &str, line: Option<&str>, is_forc
         return Ok(());
     }
     let what = format!("{staying} of {} jobs stay with a station that is alive.", jobs.len());
-    let remedy = "Stop that station first, or wait until it is silent for 45 s. If it certainly does not run, add `--force`.";
+    let remedy = "Stop that station first, or wait until it is silent for 45 s. If it is certainly not running, add `--force`.";
     Err(Failure::new(Exit::Environment, Reason::new("station-alive", what, remedy)))
 }

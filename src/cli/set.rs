@@ -9,9 +9,9 @@ use crate::formats::pattern;
 /// The option that gives any setting.
 #[derive(Debug, Args)]
 pub(super) struct SetArguments {
-    /// Gives a setting by its name in a settings file, such as `correction.tolerance_mm=0.02` or `part.unit=inch`, in place of
-    /// the value in any file; may be repeated. For the commands of a station, it replaces the value in the station's file: a
-    /// SKU's file still overrides it, and relative paths start at the station's file. Giving a setting twice is refused.
+    /// Sets any setting for this run, such as `correction.tolerance_mm=0.02` or `part.unit=inch`; may be repeated. It replaces
+    /// the value in all files. In commands for a station it replaces the value in the station's file, and a SKU's file still
+    /// overrides it.
     #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = parse_pair)]
     set: Vec<(String, String)>,
 }

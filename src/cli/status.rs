@@ -252,11 +252,11 @@ fn may_be_outdated(status: &Status, sku: Option<&Sku>) -> bool {
 
 fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> String {
     let mut text = match holder {
-        Some(holder) => format!("{}: runs, {}\n", status.station, on_one_line(&holder.to_string())),
+        Some(holder) => format!("{}: running, {}\n", status.station, on_one_line(&holder.to_string())),
         None if status.state == State::EndedSilently => {
-            format!("{}: does not run; it ended unexpectedly after {}\n", status.station, status.at)
+            format!("{}: not running; it ended unexpectedly after {}\n", status.station, status.at)
         }
-        None => format!("{}: does not run; stopped at {}\n", status.station, status.at),
+        None => format!("{}: not running; stopped at {}\n", status.station, status.at),
     };
     if status.state == State::Silent {
         text += &format!(
@@ -264,7 +264,7 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
             status.at
         );
     }
-    text.extend(status.troubles.iter().map(|trouble| format!("trouble: {}\n", on_one_line(trouble))));
+    text.extend(status.troubles.iter().map(|trouble| format!("problem: {}\n", on_one_line(trouble))));
     let done = &status.done;
     text += &format!(
         "since {}: {} delivered, {} rejected, {} learned; in the last hour {} delivered, {} rejected\n",

@@ -233,7 +233,7 @@ impl ConfigError {
                     None => format!("Known: {}.", listed(allowed)),
                 }
             }
-            Self::Missing { key, .. } if self.is_option() => format!("Give `{key}` of the same table, too."),
+            Self::Missing { key, .. } if self.is_option() => format!("Also give `{key}` of the same table."),
             Self::Missing { key, .. } => format!("Add `{key}`; the sample in watch-config/ explains it."),
             Self::OutOfRange { low, high, unit, .. } => {
                 format!("Give a number from {low} to {high} {unit}.").replace(" .", ".")

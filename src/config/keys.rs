@@ -788,7 +788,7 @@ impl OpticsKeys {
         if let Some(span) = others.into_iter().flatten().next() {
             return Err(contradiction(
                 &span,
-                "The lens is given by a table, and by other settings, too.".into(),
+                "The lens is given both by a table and by other settings.".into(),
                 "Remove `kind`, `axis_mm` and the lens distances, or remove `table`.".into(),
             ));
         }

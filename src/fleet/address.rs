@@ -99,7 +99,7 @@ impl Address {
             None => SslMode::Require,
             Some(_) => {
                 return wrong(
-                    "`sslmode` is neither `verify-full`, `require` (which verifies, too) nor `disable`",
+                    "`sslmode` is neither `verify-full`, `require` (which also verifies) nor `disable`",
                 );
             }
         });

@@ -377,7 +377,7 @@ impl Member {
         let after = match self.asking.step(session, &self.settings.name, key, step).await {
             // The job makes the fit itself.
             Err(error) if error.is_final() => {
-                tracing::warn!("a fit cannot be asked for: {error}");
+                tracing::warn!("a fit cannot be requested: {error}");
                 self.asking.tell(key, News::Over);
                 return Ok(());
             }
@@ -464,7 +464,7 @@ impl Member {
         let before: String = row.try_get(0)?;
         let complaint = (has_beaten && before != self.process).then(|| {
             format!(
-                "Another running station uses the name \"{}\" in the fleet, too. Give one of them another `name` under [fleet].",
+                "Another running station also uses the name \"{}\" in the fleet. Give one of them another `name` under [fleet].",
                 on_one_line(&self.settings.name)
             )
         });
@@ -581,7 +581,7 @@ fn no_answer() -> Reason {
     Reason::new(
         "line-away",
         what,
-        "Wait: it goes on by itself. `isomark status` shows what is wrong with the fleet.",
+        "Wait: it continues automatically. `isomark status` shows what is wrong with the fleet.",
     )
 }
 

@@ -262,7 +262,7 @@ impl Worker {
         let statement = "SELECT isomark.keep_request($1, $2, $3)";
         if !own(session, statement, &work.key, &self.process, work.attempt).await? {
             work.is_lost = true;
-            tracing::info!("the part of {} was taken back: its fit is not used", work.sku);
+            tracing::info!("the request for the part of {} was withdrawn: its fit is not used", work.sku);
         }
         Ok(())
     }
@@ -363,7 +363,9 @@ impl Worker {
             }
             (true, false) => self.failed += 1,
             (false, _) if was_lost => {}
-            (false, _) => tracing::info!("the part of {sku} was taken back: its fit is not used"),
+            (false, _) => {
+                tracing::info!("the request for the part of {sku} was withdrawn: its fit is not used")
+            }
         }
         Ok(())
     }

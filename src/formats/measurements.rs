@@ -91,7 +91,7 @@ impl MeasurementsError {
                 format!("Keep the line of column names that isomark wrote. The table has {}.", found.join(", "))
             }
             Self::NotANumber { .. } => {
-                "Write the number in mm, such as 12.5; with semicolons between the cells, 12,5 is understood, too.".to_owned()
+                "Write the number in mm, such as 12.5; with semicolons between the cells, 12,5 is also understood.".to_owned()
             }
             Self::Empty { .. } => "Fill in the cell, or remove the whole line.".to_owned(),
             Self::TooManyCells { .. } => {

@@ -170,9 +170,9 @@ pub fn run(
         dispatcher.write_status(false);
         let parked = executor.parking.count();
         if mode == Mode::Once && parked > 0 {
-            let files = if parked == 1 { "processed file is" } else { "processed files are" };
+            let files = if parked == 1 { "processed file" } else { "processed files" };
             tracing::info!(
-                "{parked} {files} kept in case a program still writes to them; the next start checks them. Nothing to do"
+                "keeping {parked} {files} in case a program still writes to them; the next start checks them"
             );
         }
         // Dropping the rest of the dispatcher closes the channels, so the threads end.

@@ -424,7 +424,7 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
     let unit = &part.facts.unit;
     let remedy = match sides(drawn) > STRAY * sides(&extents) {
         true if part.facts.has_doubtful_unit() => format!(
-            "Check the unit of the part: its numbers are taken as {} because {} (`--part-unit`, `unit` under [part]). \
+            "Check the unit of the part: its numbers are read as {} because {} (`--part-unit`, `unit` under [part]). \
              If that is correct, check the drawing's unit, and delete stray lines far from the drawing.",
             unit.value, unit.why
         ),

@@ -39,7 +39,7 @@ pub(super) fn read_or_convert(
     };
     let (mut reading, surface) = match read(&PartFile { bytes, ..part.clone() }) {
         Err(PipelineError::Rejected(again)) => {
-            let why = format!("the part that FreeCAD wrote is rejected, too: {}", again.what);
+            let why = format!("the part that FreeCAD wrote is also rejected: {}", again.what);
             return Err(not_converted(rejected, &why).into());
         }
         other => other?,

@@ -672,11 +672,11 @@ impl TiledMark {
     pub(super) fn notices(&self, part: &CachedSurface, settings: &JobSettings) -> Vec<Notice> {
         let mut notices = Vec::new();
         if settings.part.primitive.is_none() && self.tiles.iter().any(|tile| tile.angle_deg != 0.0) {
-            let message = "the part is taken as round on all sides; isomark examined only the side that faces the laser";
+            let message = "isomark examined only the side that faces the laser and assumes that the part is round on the others";
             notices.push(Notice::note("rotary-other-sides", message));
         }
         if part.mark.is_some() {
-            let message = "the faces named `mark` are checked as if they went all the way round";
+            let message = "the faces named `mark` are checked as if they were the same all the way round";
             notices.push(Notice::note("rotary-other-sides", message));
         }
         notices

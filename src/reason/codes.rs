@@ -57,7 +57,7 @@ const CODES: &[Code] = &[
     reason([
         "beamserver-answer",
         "BeamServer gave an answer that does not fit the command.",
-        "The program at `delivery.address` answered with text that is no answer to the command, or listed more \
+        "The program at `delivery.address` answered with text that is not an answer to the command, or listed more \
          elements than any project has. Usually another program listens on that port, or the version of \
          BeamConstruct is not supported. The drawing waits and isomark tries again.",
         "Check that `delivery.address` and the port in BeamConstruct's settings agree, and that BeamServer runs \
@@ -147,7 +147,7 @@ const CODES: &[Code] = &[
         "clipped-whole",
         "The drawing clips block references to a boundary, and isomark marks them whole.",
         "The DXF file uses XCLIP: the drawing program shows only what is inside the boundary. isomark does not \
-         apply clipping, so lines outside it are marked, too.",
+         apply clipping, so lines outside it are also marked.",
         "Explode the clipped blocks in the drawing program, trim what must not be marked, and export again.",
     ]),
     reason([
@@ -487,8 +487,8 @@ const CODES: &[Code] = &[
         "fleet-away",
         "The fleet's database does not answer.",
         "The server is stopped, restarts or is full, or the network does not reach it. A station reports this once, works alone with what \
-         it knows, and connects again by itself.",
-        "Check that the server runs and has free disk space, and that this computer reaches it. Nothing is to be done at the stations.",
+         it knows, and reconnects automatically.",
+        "Check that the server runs and has free disk space, and that this computer reaches it. No action is needed at the stations.",
     ]),
     reason([
         "fleet-certificate",
@@ -514,21 +514,21 @@ const CODES: &[Code] = &[
         "fleet-older",
         "The tables of the fleet are missing or too old.",
         "A new version of isomark may need new tables. Only the owner of the database makes them.",
-        "Run `isomark fleet init URL` as the owner of the database; stations connect again by themselves.",
+        "Run `isomark fleet init URL` as the owner of the database; stations reconnect automatically.",
     ]),
     reason([
         "fleet-outbox",
         "The messages of the station to its fleet cannot be read.",
         "What a station has to send waits in `fleet/outbox` in its state folder. The folder cannot be read or written. Parts that are \
          dropped wait until it can.",
-        "Check the rights of the state folder and the free space on its disk. The station tries again by itself.",
+        "Check the rights of the state folder and the free space on its disk. The station retries automatically.",
     ]),
     reason([
         "fleet-password",
         "The password for the fleet cannot be read.",
         "It is on the first line of the file that `password_file` under [fleet] names, or in the environment variable that \
          `password_variable` names.",
-        "Write the password there, readable for the user that runs isomark. A station tries again by itself.",
+        "Write the password there, readable for the user that runs isomark. A station retries automatically.",
     ]),
     reason([
         "fleet-refused",
@@ -556,7 +556,7 @@ const CODES: &[Code] = &[
     reason([
         "fleet-station-in-use",
         "A station that is to be removed from the fleet is still in use.",
-        "`isomark fleet prune --station` removes a station that is gone. This one is alive, or it has taken jobs whose end it has not \
+        "`isomark fleet prune --station` removes a station that no longer exists. This one is alive, or it has taken jobs whose end it has not \
          reported: they may have been marked.",
         "End the station, look at its laser, put its jobs back into their queues with `isomark retry --take-over`, and try again.",
     ]),
@@ -564,7 +564,7 @@ const CODES: &[Code] = &[
         "fleet-station-unknown",
         "No station of the fleet has this name.",
         "`--station` of `isomark fleet release` and `isomark fleet prune` names a station as `isomark fleet status` lists it: by `name` \
-         under [fleet], or by the name under [station]. Nobody would receive settings for another name.",
+         under [fleet], or by the name under [station]. Settings for any other name would not reach a station.",
         "Correct the name. A new station is known after its first start.",
     ]),
     reason([
@@ -700,7 +700,7 @@ const CODES: &[Code] = &[
         "Exporters and repair tools sometimes lose a triangle. isomark continues the surface across a hole of at most \
          a few sides and at most the width of `bridge_mm` (by default one or two missing triangles, up to 2 mm). \
          The message gives the widest hole and its place. If the side that faces the laser has more than three \
-         such holes, they are taken as part of the design and stay open.",
+         such holes, they are treated as part of the design and stay open.",
         "Check that the place is not a real hole. `bridge_mm = 0` under [part] (`--bridge 0`) leaves all holes open.",
     ]),
     reason([
@@ -720,7 +720,7 @@ const CODES: &[Code] = &[
         "The import folder does not exist.",
         "`watch` never creates the import folder, because a folder that is not connected must not be replaced by \
          an empty one. Drawings wait until the folder is available.",
-        "Create the folder, or connect its share. Then nothing else is necessary.",
+        "Create the folder, or connect its share. No further action is needed.",
     ]),
     reason([
         "import-other",
@@ -770,7 +770,7 @@ const CODES: &[Code] = &[
         "job-being-checked",
         "A job of another sender waits until the station knows that it is still its own.",
         "The station took the job, and then it was started again, or had no answer from the fleet for 30 s. Meanwhile a person may have given the job to another station, so it waits until the fleet confirms that it is still this station's. Other drops go on.",
-        "Nothing is to be done: it goes on when the fleet answers. `isomark status` shows what is wrong with the fleet. If the database is lost for good, remove [fleet] from the settings of the station: it then goes on with the job.",
+        "No action is needed: it continues when the fleet answers. `isomark status` shows what is wrong with the fleet. If the database is lost for good, remove [fleet] from the settings of the station: it then continues with the job.",
     ]),
     reason([
         "job-name",
@@ -782,7 +782,7 @@ const CODES: &[Code] = &[
         "job-taken-over",
         "A job of another sender was given to another attempt.",
         "The station had taken the job and was silent. A person put it back into the queue of its line with `isomark retry --take-over`, so this station no longer does it.",
-        "Nothing is to be done if the drawing is marked elsewhere; `isomark fleet status` shows where the job is.",
+        "No action is needed if the drawing is marked elsewhere; `isomark fleet status` shows where the job is.",
     ]),
     reason([
         "job-too-large",
@@ -815,7 +815,7 @@ const CODES: &[Code] = &[
         "line-away",
         "A drawing for another line waits, because the fleet does not answer.",
         "A rule under [route] names another line for this drawing. The database of the fleet is away, or the station was started with `--once`. The drawing stays in the hot folder and nothing is lost.",
-        "Nothing is to be done: it goes on by itself when the fleet answers. `isomark status` shows what is wrong with the fleet. To mark it here, remove the rule and drop the drawing again.",
+        "No action is needed: it continues when the fleet answers. `isomark status` shows what is wrong with the fleet. To mark it here, remove the rule and drop the drawing again.",
     ]),
     reason([
         "list-empty",
@@ -914,7 +914,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "mesh-buffer-name",
-        "The part names a buffer by something else than a plain file name.",
+        "The part names a buffer by something other than a plain file name.",
         "isomark reads only files in the part's own folder. Paths to other folders and web addresses are refused.",
         "Put the `.bin` file beside the part and name it there without a path, or export the part as `.glb`.",
     ]),
@@ -1032,7 +1032,7 @@ const CODES: &[Code] = &[
         "mesh-normals-wild",
         "The normals in the file are unrelated to the facets of the part.",
         "A large share of the side that faces the laser has normals that lean more than 78 degrees from their facets. Such normals are \
-         damaged, and nobody can know which of the two is right.",
+         damaged, and it is not known which of the two is right.",
         "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export again, or set `normals = \"estimate\"` \
          under [part] (`--normals estimate`), which takes them from the facets.",
     ]),
@@ -1138,9 +1138,9 @@ const CODES: &[Code] = &[
     reason([
         "newer-elsewhere",
         "Another station has learned a newer part for this SKU.",
-        "The stations share one cache of surfaces. This station wanted to fit its own archived part again, but \
+        "The stations share one cache of surfaces. This station was about to fit its own archived part again, but \
          the cache contains a newer part.",
-        "Drop the newer part at this station, too. The reason gives its name.",
+        "Drop the newer part at this station, as well. The reason gives its name.",
     ]),
     reason([
         "no-cone",
@@ -1152,7 +1152,7 @@ const CODES: &[Code] = &[
     reason([
         "no-cylinder",
         "The part cannot be unrolled as a cylinder.",
-        "The method `cylinder` was chosen, but under the drawing the part is flat or no cylinder, too little of \
+        "The method `cylinder` was chosen, but under the drawing the part is flat or not a cylinder, too little of \
          the part is under the drawing, or the anchor is beside the cylinder. The message gives the cause.",
         "Use the method `auto` or `isometric`, or place the drawing on the cylindrical part.",
     ]),
@@ -1356,9 +1356,9 @@ const CODES: &[Code] = &[
     both([
         "part-two-skins",
         "The part has two surfaces, one closely behind the other, and both face the laser.",
-        "Nobody can tell which of the two is marked. Usually an object is there twice, or a label was modelled a little \
+        "isomark cannot decide which of the two to mark. Usually an object is there twice, or a label was modelled a little \
          above the body. The message gives the distance, and the place in the view.",
-        "Remove the copy that is not meant, and export the part again.",
+        "Remove the copy that is not needed, and export the part again.",
     ]),
     both([
         "part-without-surface",
@@ -1443,7 +1443,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "picture-ground",
-        "Most of the picture is marked, its border, too.",
+        "Most of the picture is marked, including its border.",
         "Dark pixels are marked. In a light drawing on a dark ground that is the ground.",
         "Use `invert = true` under [pattern] (`--invert`) if the ground must stay blank.",
     ]),
@@ -1535,7 +1535,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "readback-differs",
-        "The written drawing differs from what isomark meant to write.",
+        "The written drawing differs from the corrected one.",
         "A second, independent reader checks the written file before it is delivered. It found another vertex, \
          layer, colour or unit. Nothing was delivered.",
         "Check the disk, the network and the computer's memory, then try again. If the same drawing is refused \
@@ -1551,14 +1551,14 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "rotary-hollow",
-        "A mark in tiles was asked for on the inside of a hollow cylinder or cone.",
+        "A mark in tiles was requested on the inside of a hollow cylinder or cone.",
         "Between two tiles the part turns about its axis. When the laser looks at the inside of a part, the other side of the \
          part is in the way after a turn.",
         "Check `facing`, or set `tiles = \"off\"` under [rotary].",
     ]),
     reason([
         "rotary-method",
-        "A mark in tiles was asked for with a method that does not unroll the part.",
+        "A mark in tiles was requested with a method that does not unroll the part.",
         "A mark that goes round closes on itself only if the part is unrolled exactly, as a cylinder or cone.",
         "Set `method` to \"auto\", \"cylinder\" or \"cone\" under [correction], or `tiles = \"off\"` under [rotary].",
     ]),
@@ -1573,7 +1573,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "rotary-not-round",
-        "A mark in tiles was asked for on a part that is neither a cylinder nor a cone.",
+        "A mark in tiles was requested on a part that is neither a cylinder nor a cone.",
         "isomark fits a cylinder and a cone to the side that faces the laser, where the drawing's anchor is. Both are farther \
          from the part than 0.005 mm, so the other sides of the part are not known.",
         "Check `facing` and `place_mm`: the anchor must be on the round side. For a part that is not quite round, give its sizes \
@@ -1583,8 +1583,7 @@ const CODES: &[Code] = &[
         "rotary-other-sides",
         "The sides of the part that face the laser only after a turn were not examined.",
         "A mark in tiles takes the part as a cylinder or cone all the way round, as it is on the side that faces the laser. \
-         Handles, holes and flats on the other sides are not known, and faces named `mark` are checked as if they went all the \
-         way round.",
+         Handles, holes and flats on the other sides are not known, and faces named `mark` are checked as if they were the same all the way round.",
         "Check that the part is the same all the way round where the drawing is.",
     ]),
     reason([
@@ -1611,7 +1610,7 @@ const CODES: &[Code] = &[
         "row-name-taken",
         "A row of a list cannot get its name in the hot folder.",
         "Each row becomes a drawing that is named after the list's drawing and the serial number. A file in the hot folder has this name.",
-        "Move that file out of the hot folder; isomark then continues by itself.",
+        "Move that file out of the hot folder; isomark then continues automatically.",
     ]),
     reason([
         "scan-empty",
@@ -1642,7 +1641,7 @@ const CODES: &[Code] = &[
     notice([
         "scan-points-far",
         "The scan contains points at infinity or very far away.",
-        "A coordinate is infinite, or farther than 100 m from the origin. Such points are no measurements of a part. \
+        "A coordinate is infinite, or farther than 100 m from the origin. Such points do not belong to a part. \
          They were left out; the message gives their number and, for those at infinity, the place of the first.",
         "Check the part's unit, and export the scan again if the scanner saw something there.",
     ]),
@@ -1841,7 +1840,7 @@ const CODES: &[Code] = &[
         "station-alive",
         "A job stays with a station that is alive.",
         "`isomark retry --take-over` is for stations that will not finish what they have taken. This one gave a sign of life in the last 45 s, and may mark the drawing at any moment.",
-        "Stop the station, or wait until it is silent. If it certainly does not run, add `--force`.",
+        "Stop the station, or wait until it is silent. If it is certainly not running, add `--force`.",
     ]),
     reason([
         "station-held",
@@ -1902,7 +1901,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "still-settling",
-        "The file may still be written, or its turn has not come.",
+        "The file may still be written, or other files are processed first.",
         "isomark reads a file when it has not changed for `watch.settle_ms`, or when its writer has closed it.",
         "Nothing: isomark looks at the file again.",
     ]),
@@ -1911,7 +1910,7 @@ const CODES: &[Code] = &[
         "Some lengths stay wrong because no map can keep all of them.",
         "The message names the place and the cause. Usually the part is curved in two directions there: a flat drawing \
          cannot lie on such a surface without stretch, and the map distributes it as well as possible. Noise, edges and \
-         coarse facets stretch lines, too.",
+         coarse facets also stretch lines.",
         "Make the drawing smaller, split it into several jobs, or place it where the part is less curved. \
          `aim` under [correction] sets what is kept first.",
     ]),
@@ -1993,7 +1992,7 @@ const CODES: &[Code] = &[
     notice([
         "svg-white",
         "White shapes are marked like all others.",
-        "On paper, white hides what is below it. A laser cannot do this, so isomark marks white shapes, too.",
+        "On paper, white hides what is below it. A laser cannot do this, so isomark also marks white shapes.",
         "Delete the white shapes, or cut what they cover in the drawing program (Path > Difference).",
     ]),
     reason([
@@ -2082,7 +2081,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "waits-for-turn",
-        "The file is complete and waits for its turn.",
+        "The file is complete and waits for other large jobs.",
         "Large jobs are done one after the other, so that small ones are not delayed.",
         "Nothing: it is done after the large jobs before it.",
     ]),

@@ -164,7 +164,7 @@ fn a_station_is_asked_from_another_terminal() {
             && output.out.contains("cup@x.pdf: A .pdf file is neither")
     });
     let id = station.running.as_ref().unwrap().id();
-    assert!(ask(&station).out.starts_with(&format!("test: runs, process {id}")));
+    assert!(ask(&station).out.starts_with(&format!("test: running, process {id}")));
     let now = status(&station);
     assert_eq!((&now["schema"], &now["running"]), (&"isomark.status/1".into(), &true.into()));
     assert_eq!((&now["state"], &now["in_rejected"]), (&"running".into(), &1.into()));
@@ -184,7 +184,7 @@ fn a_station_is_asked_from_another_terminal() {
     assert_eq!(now["waiting"]["first"][0]["reason"]["code"], "waits-for-part");
     assert_eq!(now["rejections"][0]["reason"]["code"], "unknown-kind");
     station.kill();
-    assert!(ask(&station).out.contains("does not run; it ended unexpectedly after 20"));
+    assert!(ask(&station).out.contains("not running; it ended unexpectedly after 20"));
     let now = status(&station);
     assert_eq!((&now["running"], &now["state"]), (&false.into(), &"ended-silently".into()));
     station.once();

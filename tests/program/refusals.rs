@@ -369,7 +369,7 @@ fn wrong_usage() {
     ] {
         correct(&desk, &mouse, &abc, options).refused(2, &words);
     }
-    desk.isomark(&["correct", &mouse, &abc]).refused(2, &["--out", "<PART> <PATTERN>"]);
+    desk.isomark(&["correct", &mouse, &abc]).refused(2, &["--out", "<PART> <DRAWING>"]);
     desk.isomark(&["correct", &mouse, "-o", "x.dxf"])
         .refused(2, &["a part but no drawing", "remedy: Name the drawing"]);
     desk.isomark(&["correct", &abc, "-o", "x.dxf"]).refused(2, &["neither a part nor a SKU", "`--sku`"]);

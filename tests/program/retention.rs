@@ -141,7 +141,7 @@ fn the_oldest_files_are_removed_when_the_folders_are_too_large() {
     );
     assert!(output.err.contains("more than `max_gb`"), "{output:?}");
     let status = station.desk.isomark(&["status", "station.toml"]);
-    assert!(status.out.contains("trouble: ") && status.out.contains("max_gb"), "{status:?}");
+    assert!(status.out.contains("problem: ") && status.out.contains("max_gb"), "{status:?}");
     assert_eq!(kept(&station)["too_much"], true);
     let text = station.desk.text("station.toml").replace("0.000001", "0.000001\narchive_days = 300");
     station.desk.write("station.toml", text);

@@ -278,7 +278,7 @@ fn drawings_wait_for_the_share_with_the_import_folder() {
     trial.start();
     trial.waits_for("a warning", |trial| warnings(trial) == 2);
     let status = trial.station.status();
-    assert!(status.contains("trouble: ") && status.contains("is not mounted at"), "{status}");
+    assert!(status.contains("problem: ") && status.contains("is not mounted at"), "{status}");
     assert_eq!((fs::read_dir(&point).unwrap().count(), trial.in_hot()), (0, DROPS));
     let Some(_disk) = Disk::on(&point) else { return };
     trial.check_end();

@@ -116,7 +116,7 @@ impl Clues {
         notices.extend(notice(
             "unit-assumed",
             unit_footing,
-            format!("the file's numbers are taken as {} because {}", unit.value, unit.why),
+            format!("the file's numbers are read as {} because {}", unit.value, unit.why),
             "if this is wrong, set `--part-unit`",
         ));
         notices.extend(notice(

@@ -66,7 +66,7 @@ impl Content {
         let export = "export the part as STEP, GLB, glTF with its .bin, OBJ, STL, PLY or 3MF";
         match self {
             Self::Zip | Self::Gzip | Self::Archive => {
-                format!("unpack the file; if it is no part then, {export}")
+                format!("unpack the file; if that is not a part, {export}")
             }
             Self::Svg | Self::Dxf | Self::Picture => {
                 format!("use it as the drawing, with the ending that its program gave it; {export}")

@@ -163,7 +163,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                         self.observe(&hot, &path, what, Writer::Renamed);
                     }
                     tracing::info!(
-                        "{} came as job {}",
+                        "{} arrived as job {}",
                         on_one_line(drop.file_name()),
                         short(&arrival.claim.0)
                     );
@@ -237,7 +237,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let arrival = self.executor.journal().arrival(drop).cloned()?;
         (!fleet.is_confirmed(&arrival.claim)).then(|| {
             let what = "The fleet has not confirmed that this job is still this station's.";
-            let remedy = "Wait: it goes on when the fleet answers. `isomark status` shows what is wrong with the fleet.";
+            let remedy = "Wait: it continues when the fleet answers. `isomark status` shows what is wrong with the fleet.";
             Reason::new("job-being-checked", what, remedy)
         })
     }

@@ -343,7 +343,6 @@ impl Correction<'_> {
     }
 }
 
-/// Whether the last result needs no import by BeamServer.
 /// The known SKUs whose names are nearest to that of an unknown one, as a sentence.
 fn known_names(unknown: &Sku, known: &[String]) -> String {
     let others: Vec<&str> =
@@ -351,10 +350,11 @@ fn known_names(unknown: &Sku, known: &[String]) -> String {
     if others.is_empty() {
         return String::new();
     }
-    let more = if others.len() > NEAR_NAMES { ", ..." } else { "" };
+    let more = if others.len() > NEAR_NAMES { " and others" } else { "" };
     format!(" Known SKUs: {}{more}.", others[..others.len().min(NEAR_NAMES)].join(", "))
 }
 
+/// Whether the last result needs no import by BeamServer.
 fn is_imported(task: &Task, last: &Delivered) -> bool {
     task.station.delivery.kind == DeliveryKind::Folder || last.import == Import::Done
 }

@@ -417,7 +417,7 @@ fn not_a_file() -> Reason {
 
 /// The reason of a drop that was read and is a large job.
 fn waits_for_turn() -> Reason {
-    let what = "The file is complete. It is a large job and waits for its turn.";
+    let what = "The file is complete. It is a large job and waits for those before it.";
     Reason::new("waits-for-turn", what, "Wait: it is processed after the large jobs before it.")
 }
 
