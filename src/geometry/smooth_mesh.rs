@@ -7,6 +7,7 @@ mod creases;
 mod hidden_arcs;
 mod joining;
 mod long_sides;
+mod scatter;
 mod sections;
 mod slopes;
 

@@ -7,6 +7,9 @@ use crate::geometry::surface::fit::FittedSurface;
 
 /// Noise explains differences of at most this many standard deviations.
 pub(super) const NOISE_REACH: f64 = 4.0;
+/// Slope at which two facets of a square grid meet at their diagonal, on a plane whose vertices scatter by as much as a cell is
+/// wide: one standard deviation.
+const KINK_OF_NOISE: f64 = 2.83;
 /// Minimum doubt about the surface, mm, that is named as a cause.
 const NOTABLE_DOUBT: f64 = 0.005;
 /// Kinks between facets of a smooth surface have smaller angles than this, rad; those of an edge are larger.
@@ -56,7 +59,11 @@ impl Cause {
     ) -> Self {
         let explained =
             STRETCH_OF_CURVATURE * gauss_curvature(&part.surface, at).abs() * (length / 2.0).powi(2);
-        let is_noise = |noise: &MeshNoise| stretch.abs() <= 2.0 * noise.normals_off_deg.to_radians().tan();
+        let is_noise = |noise: &MeshNoise| {
+            let kinks = (NOISE_REACH * KINK_OF_NOISE * noise.noise_mm / noise.spacing_mm).atan();
+            stretch.abs() <= 2.0 * noise.normals_off_deg.to_radians().tan()
+                || is_uncertain && part.surface.field.kink(at).is_none_or(|kink| kink <= kinks)
+        };
         let facet = facet_length(&part.facts).filter(|_| is_uncertain);
         match (Self::of_the_part(part, at, is_noise), facet) {
             (Some(cause), _) => cause,

@@ -6,7 +6,7 @@
 //! the leans of the normals show the error, as on a turned part without normals: on an arc the normals at both ends of a
 //! side lean from it by equal and opposite angles. Where nothing confirms the arc of a side, it may be another one
 //! (`chains`), and so may an edge that only the facets show (`hidden_arcs`). Normals that are estimated have a deviation of
-//! their own. On parts given by formulas, with facets of 0.75 to 5 mm, with and without normals, even, uneven and
+//! their own, and vertices that are not on the part scatter (`scatter`). On parts given by formulas, with facets of 0.75 to 5 mm, with and without normals, even, uneven and
 //! decimated, half the difference bounds the error of the lengths, areas and angles that follows from the error of the
 //! slope (`tests/true_surface/bounds.rs`).
 
@@ -21,6 +21,11 @@ use crate::geometry::adjacency::{NONE, Neighbours};
 const OF_LEAN: f64 = 0.5;
 /// The same for normals of the file, which are exact: their uneven leans only show that the curvature changes along the side.
 const OF_EXACT_LEAN: f64 = 0.25;
+/// The error of the slope over a triangle as a share of the slope from one vertex to another that both are too high or too low.
+const OF_SCATTER: f64 = 1.0;
+/// The same with exact normals: their vertices are on the part, and what seems to be scatter is curvature that the mesh is too
+/// coarse for.
+const OF_EXACT_SCATTER: f64 = 0.2;
 /// The error of the slope over a triangle as a share of the standard deviation of the normals at its corners.
 const OF_NORMALS: f64 = 0.6;
 /// The share on turned parts: the error is that of the slope along the profile only.
@@ -77,6 +82,7 @@ impl SmoothMesh {
                 is_at_rim[corners[corner] as usize] = true;
             }
         }
+        let scatter = self.scatter(&is_at_rim, &around);
         let chains = estimated.contains(&true).then(|| Chains::of(self, &around));
         let of_chords = |triangle: usize| {
             let Some(chains) = &chains else { return 0.0 };
@@ -107,7 +113,9 @@ impl SmoothMesh {
                 true => 0.0,
                 false => corners.map(deviation).into_iter().map(|rad| rad * rad).sum::<f64>() / 3.0,
             };
-            (of_patches + of_curve.powi(2) + OF_NORMALS.powi(2) * of_normals).sqrt() as f32
+            let of_vertices = self.scatter_doubt(triangle, estimated, &scatter).powi(2);
+            let of_shape = (of_patches + of_curve.powi(2)).max(of_vertices);
+            (of_shape + OF_NORMALS.powi(2) * of_normals).sqrt() as f32
         };
         let mut doubts: Vec<f32> = (0..self.triangles.len()).map(doubt).collect();
         for &(triangle, lean) in hidden {
@@ -116,6 +124,18 @@ impl SmoothMesh {
             }
         }
         doubts
+    }
+
+    /// The error of the slope over a triangle, rad, root mean square, where its vertices are too high or too low by their `scatter`, mm.
+    fn scatter_doubt(&self, triangle: usize, estimated: &[bool], scatter: &[f64]) -> f64 {
+        let corners = self.triangles[triangle].map(|corner| corner as usize);
+        let squares = [0, 1, 2].map(|side| {
+            let [one, other] = [corners[side], corners[(side + 1) % 3]];
+            let length = (self.positions[other] - self.positions[one]).norm();
+            let share = if estimated[one] || estimated[other] { OF_SCATTER } else { OF_EXACT_SCATTER };
+            if length > 0.0 { (share * (scatter[other] - scatter[one]) / length).powi(2) } else { 0.0 }
+        });
+        (squares.into_iter().sum::<f64>() / 3.0).sqrt()
     }
 
     /// The error of the slope across a straight side along which the part twists, rad, root mean square: it has the slopes of the
@@ -186,7 +206,7 @@ impl SmoothMesh {
     }
 
     /// From one vertex to another, mm, and by how much the normals at both lean towards the other, rad.
-    fn lean(&self, one: u32, other: u32) -> (Vector3<f64>, f64) {
+    pub(super) fn lean(&self, one: u32, other: u32) -> (Vector3<f64>, f64) {
         let along = self.positions[other as usize] - self.positions[one as usize];
         let sum = self.normals[one as usize] + self.normals[other as usize];
         (along, along.try_normalize(0.0).map_or(0.0, |along| sum.dot(&along)))
