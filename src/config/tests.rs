@@ -765,7 +765,7 @@ fn a_setting_of_the_command_line_is_refused_as_in_a_file_with_the_option_as_its_
         (
             "optics.kind",
             "perspective",
-            "`lens_distance_x_mm` is missing. Give `lens_distance_x_mm` of the same table, too.",
+            "`lens_distance_x_mm` is missing. Also give `lens_distance_x_mm` of the same table.",
         ),
         ("optics.axis_mm", "[0, 0]", "telecentric lens has no effect"),
         ("folders.reports", "drop/hot", "`hot` and `reports` are the same"),
