@@ -598,7 +598,7 @@ fn bad_rows_refuse_a_list_before_anything_is_written_or_are_left_out_by_name() {
     assert_eq!(names(&desk), [""; 0]);
     let skipped = listed(&desk, "LOT,Name\nA7,one\n,two\nA9,three\n", &["--set", "content.bad_rows=skip"]);
     assert_eq!(skipped.code, 0, "{}", skipped.err);
-    for words in ["Row 2", "the serial number 2 is void", "2 drawings in out; 1 row is left out"] {
+    for words in ["Row 2", "the serial number 2 will not be used", "2 drawings in out; 1 row is left out"] {
         assert!(skipped.err.contains(words), "{}", skipped.err);
     }
     assert_eq!(names(&desk), ["batch-0001.dxf", "batch-0003.dxf"]);

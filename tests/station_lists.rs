@@ -209,7 +209,7 @@ fn each_row_is_a_drawing_with_the_next_serial_number() {
     station.put("trough@plate.dxf", &drawing());
     let log = station.once();
     assert_eq!(station.names("import"), [name(500)], "{log}");
-    assert!(log.contains("begin again at 500: `start` under [serial] was 10 before"), "{log}");
+    assert!(log.contains("start again at 500: `start` under [serial] was 10 before"), "{log}");
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn bad_rows_reject_the_list_or_are_left_out_with_their_numbers() {
     station.put("trough@plate.dxf", &coded);
     let log = station.once();
     assert_eq!(station.names("import"), ["trough@plate-000001.dxf", "trough@plate-000003.dxf"], "{log}");
-    assert!(log.contains("Row 2") && log.contains("the serial number 2 of trough is void"), "{log}");
+    assert!(log.contains("Row 2") && log.contains("the serial number 2 of trough will not be used"), "{log}");
     let report = station.report_of_list("trough@plate.csv");
     let left_out = &report["left_out"][0];
     assert_eq!(

@@ -75,8 +75,8 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     if Some(folders.import.as_path()) == arguments.station.parent().map(|base| base.join("import")).as_deref()
     {
         print(
-            "  note        this is the station's own import folder: set `import` to the folder that the marking software \
-             imports from, or let it import from here\n",
+            "  note        `import` is the station's own folder: set it to the folder that the marking software imports from, or \
+             let the marking software import from this one\n",
         );
     }
     if let Some(page) = &station.page {

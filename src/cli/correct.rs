@@ -49,10 +49,10 @@ pub(super) struct CorrectArguments {
     /// compare with: mapping-domain, floater, none.
     #[arg(long, help_heading = CORRECTION)]
     method: Option<String>,
-    /// Where `isometric` keeps lengths first: on the ink (default), or uniform over the drawing's rectangle.
+    /// Where `isometric` keeps lengths truest: on the ink (default), or uniform over the drawing's rectangle.
     #[arg(long, help_heading = CORRECTION)]
     weighting: Option<String>,
-    /// What is kept first on the ink where the part is curved in two directions: balanced (default), lengths of lines, areas, or
+    /// What is kept truest on the ink where the part is curved in two directions: balanced (default), lengths of lines, areas, or
     /// shapes (angles). `isomark evaluate` compares them.
     #[arg(long, value_name = "WHAT", help_heading = CORRECTION)]
     aim: Option<String>,
@@ -62,7 +62,7 @@ pub(super) struct CorrectArguments {
     /// Factor on the weight of angles, 0.1 to 10; use `--aim` instead.
     #[arg(long, value_name = "TIMES", hide = true, allow_hyphen_values = true)]
     angle_weight: Option<String>,
-    /// Points of the corrected lines: adaptive (as many as the tolerance needs, default) or keep (the drawing's own).
+    /// How many points corrected lines get: adaptive (as many as the tolerance needs, default) or keep (the drawing's own).
     #[arg(long, value_name = "WHICH", help_heading = CORRECTION)]
     vertices: Option<String>,
     /// Greatest distance between corrected lines and the true curves, mm, 0.0001 to 1; default 0.01.

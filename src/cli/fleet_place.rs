@@ -16,11 +16,11 @@ pub(super) struct Place {
     /// belongs to the fleet.
     #[arg(value_name = "URL|STATION.TOML")]
     pub(super) fleet: String,
-    /// The password of the user in the URL is on the first line of this file. Default: in the environment variable
-    /// ISOMARK_FLEET_PASSWORD, if there is one.
+    /// Reads the password for the database from the first line of this file. Default: from the environment variable
+    /// ISOMARK_FLEET_PASSWORD, if it is set.
     #[arg(long, value_name = "FILE")]
     pub(super) password_file: Option<PathBuf>,
-    /// The certificates (PEM) of the authority that signed the server's. Default: those that the system trusts.
+    /// Checks the server with the certificates (PEM) of the authorities in this file. Default: those that the system trusts.
     #[arg(long, value_name = "FILE")]
     pub(super) certificate: Option<PathBuf>,
 }

@@ -130,7 +130,7 @@ impl Listed<'_> {
         let left_out = LeftOut { serial: self.list.serial(index + 1), reason };
         self.report.leave_out(&left_out);
         if let Some(number) = left_out.serial {
-            tell(&format!("the serial number {number} is void: its row is left out"));
+            tell(&format!("the serial number {number} will not be used: its row is left out"));
         }
         Ok(())
     }

@@ -26,13 +26,14 @@ pub(super) struct MeaningArguments {
     /// Unit of a drawing that names none: mm, in, px and others. Default: mm, or inches where the drawing suggests them.
     #[arg(long, value_name = "UNIT", help_heading = "Part and drawing")]
     pattern_unit: Option<String>,
-    /// What is marked of the strokes in an SVG drawing: center (default), their centre lines, or band, the area that they cover.
+    /// How strokes in an SVG drawing are marked: center (default), along their centre lines, or band, the area that they cover.
     #[arg(long, value_name = "WHAT", help_heading = "Part and drawing")]
     strokes: Option<String>,
-    /// Polylines with a smaller width, and strokes that are marked as bands, are marked along their centre lines, mm, 0 to 1; default 0.05.
+    /// Marks polylines, and strokes that are marked as bands, along their centre lines if they are narrower than this, mm, 0 to
+    /// 1; default 0.05.
     #[arg(long, value_name = "MM", help_heading = "Part and drawing", allow_hyphen_values = true)]
     hairline: Option<String>,
-    /// What is read of a DXF: model (default), paper (the only sheet with content) or paper:NAME (the sheet of this name).
+    /// Which part of a DXF is read: model (default), paper (the only sheet with content) or paper:NAME (the sheet of this name).
     #[arg(long, value_name = "SPACE", help_heading = "Part and drawing")]
     space: Option<String>,
     /// Width of the whole picture with its blank border, or of the page of an SVG drawing, mm, 0.01 to 10000; one side is enough. Default: by the resolution (dpi) or size in its file.

@@ -27,8 +27,8 @@ const LINES: usize = 40;
 pub(super) struct ReleaseArguments {
     /// The SKU, such as `can-500`.
     sku: String,
-    /// Its settings, as they may be in `skus/<sku>.toml` of a station. They are checked first; settings of a station in place of
-    /// the URL check them together with those of that station.
+    /// The SKU's settings, in the form of `skus/<sku>.toml` of a station. isomark checks them first; give the settings of a station
+    /// in place of the URL to check them together with those of that station.
     #[arg(value_name = "FILE.toml", conflicts_with_all = ["remove", "history"])]
     file: Option<PathBuf>,
     #[command(flatten)]
@@ -36,10 +36,11 @@ pub(super) struct ReleaseArguments {
     /// Only for the station with this name. There, it is used in place of the release for all.
     #[arg(long, value_name = "LINE", conflicts_with = "history")]
     station: Option<String>,
-    /// Who releases, for the versions and the files at the stations, beside the login.
+    /// Records this name as the author, beside the login, in the list of versions and in the files at the stations.
     #[arg(long, value_name = "NAME", conflicts_with = "history", value_parser = parse_author)]
     author: Option<String>,
-    /// Removes what was released: the settings of the stations then apply to the SKU. With `--station`, the release for all does.
+    /// Removes what was released: the settings of the stations then apply to the SKU. With `--station`, that station uses the release for all
+    /// stations again.
     #[arg(long)]
     remove: bool,
     /// Lists the versions, who released them, and which stations use them.

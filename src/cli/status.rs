@@ -49,8 +49,9 @@ pub(super) struct RetryArguments {
     /// Corrects delivered drawings again if their part or settings changed; of one SKU, or of all.
     #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected", "uncertain"])]
     outdated: Option<Option<String>>,
-    /// Puts jobs that another station of the fleet has taken and will not finish back into the queue of their line: the job with this
-    /// number, or all of this station. They may have been marked. Give the URL of the fleet, or the settings of any of its stations.
+    /// Returns jobs to their line's queue when the station that took them will not finish them: the job with this number, or all
+    /// jobs of this station. Check at the laser first: they may have been marked. Give the URL of the fleet, or the settings of any
+    /// of its stations.
     #[arg(long, value_name = "JOB|STATION", conflicts_with_all = ["drops", "rejected", "uncertain", "outdated"])]
     take_over: Option<String>,
     /// With `--take-over`: into the queue of this line.
@@ -59,10 +60,10 @@ pub(super) struct RetryArguments {
     /// With `--take-over`: also if the station gave a sign of life in the last 45 s.
     #[arg(long, requires = "take_over")]
     force: bool,
-    /// With `--take-over`: the password of the user in the URL is on the first line of this file.
+    /// With `--take-over`: reads the password for the database from the first line of this file.
     #[arg(long, value_name = "FILE", requires = "take_over")]
     password_file: Option<PathBuf>,
-    /// With `--take-over`: the certificates (PEM) of the authority that signed the server's.
+    /// With `--take-over`: checks the server with the certificates (PEM) of the authorities in this file.
     #[arg(long, value_name = "FILE", requires = "take_over")]
     certificate: Option<PathBuf>,
     #[command(flatten)]

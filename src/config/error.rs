@@ -230,7 +230,7 @@ impl ConfigError {
                 match nearest(given, allowed) {
                     Some(name) => format!("Did you mean `{name}`? Known: {}.", listed(allowed)),
                     None if allowed.is_empty() => "Remove it.".into(),
-                    None => format!("Known: {}.", listed(allowed)),
+                    None => format!("Use one of: {}.", listed(allowed)),
                 }
             }
             Self::Missing { key, .. } if self.is_option() => format!("Also give `{key}` of the same table."),

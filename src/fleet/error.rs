@@ -25,7 +25,7 @@ pub enum FleetError {
     #[error("The certificates for the fleet cannot be read: {0}.")]
     Certificate(String),
     /// The server does not answer, or cannot work now.
-    #[error("The fleet's database is away: {0}.")]
+    #[error("The fleet's database cannot be reached: {0}.")]
     Away(String),
     /// The server refuses the login, or the connection is not as secure as it must be.
     #[error("The fleet's database refuses the connection: {0}.")]

@@ -115,8 +115,8 @@ async fn report_ends(session: &Session, settings: &FleetSettings, desk: &Desk) -
         let noted = end(session, &settings.name, &ended.claim, ended.outcome, reason.as_deref()).await?;
         if !noted {
             tracing::warn!(
-                "job {} was {} here in its attempt {}, which is not its current one: the fleet keeps what it has. `isomark \
-                 fleet status` shows where the job is; it may be marked twice",
+                "job {} was {} here in its attempt {}, but it had already been handed to another attempt; it may be marked twice. Check \
+                 with `isomark fleet status`",
                 short(&ended.claim.0),
                 ended.outcome,
                 ended.claim.1

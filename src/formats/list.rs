@@ -51,7 +51,7 @@ pub struct Product {
 /// A row that cannot be marked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
-    /// Its serial number, which is void.
+    /// Its serial number, which will not be used.
     pub serial: Option<u64>,
     /// Why it cannot be marked.
     pub reason: Reason,

@@ -172,7 +172,7 @@ pub fn run(
         if mode == Mode::Once && parked > 0 {
             let files = if parked == 1 { "processed file" } else { "processed files" };
             tracing::info!(
-                "keeping {parked} {files} in case a program still writes to them; the next start checks them"
+                "keeping {parked} {files} until the next start, in case a program is still writing to them; nothing to do"
             );
         }
         // Dropping the rest of the dispatcher closes the channels, so the threads end.

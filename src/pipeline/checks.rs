@@ -167,8 +167,8 @@ pub(super) fn alignment(round: Option<&RoundReport>, settings: &JobSettings) -> 
         None => ["", ", as it is horizontal in the laser's view"],
     };
     let message = format!(
-        "the drawing's x is {:.2} deg off the direction round the axis of the part, or along it{by}{frame}; `align = \"axis\"` \
-         (`--align axis`) turns it along the direction round the axis",
+        "the drawing is turned {:.2} deg from the axis of the part, or from the direction round it{by}{frame}; set `align = \"axis\"` \
+         (`--align axis`) to align it with the part",
         askew.abs()
     );
     Some(match frame {

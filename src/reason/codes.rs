@@ -42,8 +42,8 @@ const CODES: &[Code] = &[
         "axis-assumed",
         "The file does not state which axis points up, so isomark chose one.",
         "glTF has Y up by its standard, Blender writes OBJ with Y up, FreeCAD with Z up; STL, PLY and lists of \
-         points state no axis. The message gives the axis and why it was chosen. As a note the choice is certain; \
-         as a warning it is a guess, and a wrong guess shows the laser another side of the part.",
+         points state no axis. The message gives the axis and why it was chosen. If it is a note, the choice is \
+         certain; if it is a warning, isomark guessed, and a wrong guess shows the laser another side of the part.",
         "Look at the part in the preview or with `isomark inspect`. If it is on its side, set `up = \"y\"` or `up \
          = \"z\"` under [part], or `--part-up`.",
     ]),
@@ -237,11 +237,11 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "copies-removed",
-        "Paths that were drawn twice in the same place were removed once.",
+        "Duplicate paths were removed; one copy of each is marked.",
         "A line that is in the drawing twice would be marked twice, deeper and darker. The report lists the \
          places.",
-        "Nothing to do if they are mistakes. Set `strict = true` under [pattern] (`--strict`) to mark them twice \
-         on purpose.",
+        "Nothing to do if the duplicates are mistakes. Set `strict = true` under [pattern] (`--strict`) to mark them \
+         twice on purpose.",
     ]),
     reason([
         "correction-overtaken",
@@ -732,7 +732,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "inclined",
-        "The beam meets the part at an angle that is worth knowing.",
+        "The beam hits the part at a noticeable angle.",
         "Under the ink the surface is inclined to the beam by more than `incidence_note_deg` under [optics]. \
          Marks get slightly wider and paler there.",
         "Nothing to do. Place the drawing where the part faces the laser if the mark must look even.",
@@ -768,26 +768,26 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "job-being-checked",
-        "A job of another sender waits until the station knows that it is still its own.",
+        "A job from the fleet waits until the fleet confirms that it still belongs to this station.",
         "The station took the job, and then it was started again, or had no answer from the fleet for 30 s. Meanwhile a person may have given the job to another station, so it waits until the fleet confirms that it is still this station's. Other drops go on.",
         "No action is needed: it continues when the fleet answers. `isomark status` shows what is wrong with the fleet. If the database is lost for good, remove [fleet] from the settings of the station: it then continues with the job.",
     ]),
     reason([
         "job-name",
-        "A file cannot be sent to another line under its name.",
-        "Only drawings are sent, with a plain name such as can@date.dxf. Their settings and lists are sent with them; parts are known at all stations of a fleet.",
+        "Only drawings can be sent to another line.",
+        "Each needs a plain name such as can@date.dxf. Their settings and lists are sent with them; parts are known at all stations of a fleet.",
         "Give the drawing, .dxf, .svg, .png or .bmp.",
     ]),
     reason([
         "job-taken-over",
-        "A job of another sender was given to another attempt.",
+        "A job from the fleet was taken away from this station.",
         "The station had taken the job and was silent. A person put it back into the queue of its line with `isomark retry --take-over`, so this station no longer does it.",
         "No action is needed if the drawing is marked elsewhere; `isomark fleet status` shows where the job is.",
     ]),
     reason([
         "job-too-large",
         "A drawing with its settings and its list is too large for another line.",
-        "What is sent through the fleet has at most 64 MiB.",
+        "A job sent through the fleet can be at most 64 MiB.",
         "Simplify the drawing, split its list, or drop it at its line.",
     ]),
     notice([
@@ -814,7 +814,7 @@ const CODES: &[Code] = &[
     reason([
         "line-away",
         "A drawing for another line waits, because the fleet does not answer.",
-        "A rule under [route] names another line for this drawing. The database of the fleet is away, or the station was started with `--once`. The drawing stays in the hot folder and nothing is lost.",
+        "A rule under [route] names another line for this drawing. The database of the fleet cannot be reached, or the station was started with `--once`. The drawing stays in the hot folder and nothing is lost.",
         "No action is needed: it continues when the fleet answers. `isomark status` shows what is wrong with the fleet. To mark it here, remove the rule and drop the drawing again.",
     ]),
     reason([
@@ -826,13 +826,13 @@ const CODES: &[Code] = &[
     reason([
         "list-removed",
         "A list was removed from the hot folder too early.",
-        "A drawing with a list beside it becomes one drawing for each row. The list was removed, or renamed, before all rows were drawings.",
+        "A drawing with a list beside it becomes one drawing for each row. The list was removed, or renamed, before isomark had made a drawing from every row.",
         "Drop the drawing and a list with the missing rows again.",
     ]),
     reason([
         "list-too-long",
         "The list has more rows than a station takes at once.",
-        "A station takes up to 10,000 rows at once, whose drawings have up to 1 GB together. `isomark correct --list` has no limit below a \
+        "A station takes up to 10,000 rows, and at most 1 GB of drawings, at once. `isomark correct --list` has no limit below a \
          million rows.",
         "Split the list.",
     ]),
@@ -957,14 +957,15 @@ const CODES: &[Code] = &[
     reason([
         "mesh-data-missing",
         "A part of the geometry has no data.",
-        "Usually the data are compressed with Draco or meshopt, which isomark does not read.",
-        "Export without mesh compression.",
+        "The file describes triangles or positions, but contains no data for them.",
+        "Export the part again. If it happens again, export as OBJ instead, or without compression.",
     ]),
     reason([
         "mesh-data-type",
         "The geometry is stored in a number format that glTF does not allow here.",
-        "For example, positions must be 32-bit floating-point numbers. Mesh quantization stores them as integers.",
-        "Export without mesh quantization and without compression.",
+        "Positions must be 32-bit floating-point numbers, or integers with the extension for quantized meshes \
+         (KHR_mesh_quantization).",
+        "Export the part again with positions as 32-bit floats.",
     ]),
     reason([
         "mesh-data-uri",
@@ -983,7 +984,7 @@ const CODES: &[Code] = &[
     reason([
         "mesh-extension-unsupported",
         "The file requires a glTF extension that isomark does not read.",
-        "Extensions such as Draco compression change how the geometry is stored.",
+        "A required extension may change how the geometry is stored. isomark reads Draco, meshopt and quantized meshes.",
         "Export without the extension named in the reason.",
     ]),
     reason([
@@ -1095,7 +1096,7 @@ const CODES: &[Code] = &[
         "The content of the file does not match its extension.",
         "The file was probably renamed, or something else was saved under this name. The reason names the format that \
          was found, or gives the first bytes.",
-        "Export the part as GLB, glTF, OBJ, STL, PLY or 3MF and keep the extension that the program writes.",
+        "Export the part as STEP, GLB, glTF, OBJ, STL, PLY or 3MF and keep the extension that the program writes.",
     ]),
     reason([
         "name-character",
@@ -1293,7 +1294,7 @@ const CODES: &[Code] = &[
         "Ink is outside the faces of the part that are named `mark`.",
         "Faces with a material, group, object or mesh named `mark` bound where ink may be. Some of the ink would be \
          outside them, or where other parts hide them from the laser. The reason gives the place in the view that is \
-         farthest outside. With `outside_mark = \"warn\"` the drawing is marked, and this is a notice.",
+         farthest outside. With `outside_mark = \"warn\"` isomark corrects the drawing and only warns.",
         "Move the drawing (`place_mm`, `--place`, or the marking frame), make it smaller, or give the name `mark` to \
          more faces. If ink may be there, set `outside_mark = \"warn\"` under [placement].",
     ]),
@@ -1601,7 +1602,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "rotary-too-wide",
-        "The drawing is wider than the part is round.",
+        "The drawing is longer than the circumference of the part.",
         "Its ends would be marked over each other. The circumference is pi times the diameter; on a cone, a drawing is as wide \
          as the angle that it spans about the axis.",
         "Make the drawing narrower, or check its unit and the part's diameter.",
@@ -1838,7 +1839,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "station-alive",
-        "A job stays with a station that is alive.",
+        "The station is still running, so it keeps the job.",
         "`isomark retry --take-over` is for stations that will not finish what they have taken. This one gave a sign of life in the last 45 s, and may mark the drawing at any moment.",
         "Stop the station, or wait until it is silent. If it is certainly not running, add `--force`.",
     ]),
@@ -2033,8 +2034,8 @@ const CODES: &[Code] = &[
     notice([
         "unit-assumed",
         "The file does not state its unit reliably, so isomark chose one.",
-        "The message gives the unit and why it was chosen. As a note the choice is certain or usual; as a warning \
-         it is a guess. A wrong unit makes part or drawing too large or too small by a large factor.",
+        "The message gives the unit and why it was chosen. If it is a note, the choice is certain or usual; if it is a \
+         warning, isomark guessed. A wrong unit makes the part or the drawing much too large or too small.",
         "Check the size with `isomark inspect`. Set `unit` under [part] (`--part-unit`) for a part, or \
          `unit_if_unitless` under [pattern] (`--pattern-unit`) for a drawing.",
     ]),
@@ -2055,9 +2056,9 @@ const CODES: &[Code] = &[
     reason([
         "unknown-kind",
         "The file is neither a part nor a drawing.",
-        "The hot folder accepts parts, scans, DXF drawings and pictures, and the files that belong to them. The \
-         extension decides.",
-        "Export the part as GLB, glTF, OBJ, STL, PLY, 3MF or a list of points, and the drawing as DXF, SVG, PNG or BMP.",
+        "The hot folder accepts parts, scans, drawings (DXF, SVG) and pictures (PNG, BMP), and the files that belong to \
+         them. The extension decides.",
+        "Export the part as STEP, GLB, glTF, OBJ, STL, PLY, 3MF or a list of points, and the drawing as DXF, SVG, PNG or BMP.",
     ]),
     reason([
         "usage",

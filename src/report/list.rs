@@ -50,7 +50,7 @@ pub struct ListRow {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct ListGap {
-    /// Its serial number, which is void.
+    /// Its serial number, which will not be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub serial: Option<u64>,
     /// Why it is left out, with its line.

@@ -394,7 +394,7 @@ fn a_job_of_a_dead_station_stays_until_a_person_takes_it_over_and_a_stale_end_ch
     for name in ["trough@a.dxf", "trough@b.dxf"] {
         two.waits_for_file(&format!("rejected/{name}"));
     }
-    two.waits_for("the reasons", |two| two.logged("gave this job to another attempt") == 2);
+    two.waits_for("the reasons", |two| two.logged("put this job back into its line's queue") == 2);
     assert_eq!(files(&two, "import"), ["trough@own.dxf"]);
     waits_for_rows(&server, ends, "trough@a.dxf|delivered|laser3|2\ntrough@b.dxf|delivered|laser3|2", &two);
     for attempt in 1..=3 {
@@ -423,7 +423,7 @@ fn a_station_that_comes_back_does_not_do_what_was_taken_over() {
     // The part is known to it now, too.
     two.start();
     two.waits_for_file("rejected/trough@a.dxf");
-    two.waits_for("the reason", |two| two.logged("gave this job to another attempt") == 1);
+    two.waits_for("the reason", |two| two.logged("put this job back into its line's queue") == 1);
     assert_eq!(files(&two, "import"), Vec::<String>::new());
     let ended = "SELECT outcome, station, attempt FROM isomark.job";
     waits_for_rows(&server, ended, "delivered|laser3|2", &two);

@@ -85,7 +85,7 @@ fn a_station_is_set_up_checked_and_works() {
     let output = desk.isomark(&["check", "line 1/station.toml"]);
     assert!(output.code == 0 && output.out.contains("1 SKU file are valid"), "{output:?}");
     // Nobody imports from the folder that `init` made, unless somebody chose it.
-    assert!(output.out.contains("station's own import folder: set `import`"), "{output:?}");
+    assert!(output.out.contains("`import` is the station's own folder: set it"), "{output:?}");
     desk.write("line 1/hot/trough.obj", PART);
     fs::copy(drawing("square"), desk.path("line 1/hot/trough.dxf")).unwrap();
     // An OBJ has no end mark, so the file must be old enough.

@@ -483,7 +483,9 @@ impl MeshReadError {
             Self::WrongData { .. } => {
                 "export the part again with positions as 32-bit floats, without compression"
             }
-            Self::NoData { .. } => "export without mesh compression (Draco, meshopt)",
+            Self::NoData { .. } => {
+                "export the part again; if it happens again, export it as OBJ or without compression"
+            }
             Self::BufferName { .. } => {
                 "put the .bin into the part's folder and refer to it without a path, or export the part as GLB"
             }
@@ -504,7 +506,7 @@ impl MeshReadError {
                 "repair the mesh in the modelling program (remove broken vertices) and export again"
             }
             Self::TooFar { .. } => {
-                "delete stray vertices far from the part; if the whole part is too large, set its unit (`--part-unit`)"
+                "delete stray vertices far from the part; if the whole part is too large, set `unit` under [part] (`--part-unit`)"
             }
             Self::IndexOutOfRange { .. } => {
                 "export the part again; the file is damaged or was edited by hand"

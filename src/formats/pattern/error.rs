@@ -275,9 +275,11 @@ impl PatternReadError {
             Self::UnclearSheet { sheets, .. } => match sheets.first() {
                 Some(first) => reason(
                     "sheet-unclear",
-                    &format!("Name the sheet: `--space \"paper:{first}\"` (`space` under [pattern])."),
+                    &format!(
+                        "Name the sheet: `space = \"paper:{first}\"` under [pattern] (`--space \"paper:{first}\"`)."
+                    ),
                 ),
-                None => reason("sheet-unclear", "Set `--space model` (`space` under [pattern])."),
+                None => reason("sheet-unclear", "Set `space = \"model\"` under [pattern] (`--space model`)."),
             },
             Self::NothingToMark { remedy, .. } => reason("pattern-nothing-to-mark", remedy),
         }

@@ -308,10 +308,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
 }
 
 pub(super) fn part_under_way(sku: &Sku) -> Reason {
-    let what = format!("The drawing waits for a part of {sku} that is incomplete or not processed yet.");
+    let what = format!("The drawing waits until the part of {sku} is complete and fitted.");
     Reason::new(
         "waits-for-part",
         what,
-        "Wait until the part is processed. If its copy stopped, copy it again.",
+        "`isomark status` shows whether the part itself waits, and for what. If its copy stopped, copy it again.",
     )
 }

@@ -294,7 +294,9 @@ impl Correction<'_> {
         let took = self.started.elapsed().as_millis();
         let last = self.last.as_ref().map(|last| (last.at.as_str(), self.is_same_again()));
         let outcome = describe(how, last, is_for_server);
-        tracing::info!("{name} {outcome}{then} ({took} ms): {summary}");
+        let drop = self.result.drop.to_string();
+        let from = if drop == *name { String::new() } else { format!(", from {drop}") };
+        tracing::info!("{name} {outcome}{then} ({took} ms{from}): {summary}");
         let last = self.last.as_ref();
         if let Some(last) = last
             && !self.is_same_again()
@@ -408,12 +410,13 @@ fn describe(how: How, last: Option<(&str, bool)>, is_for_server: bool) -> String
         (How::Unchanged, _) => "was already delivered and is unchanged in import".into(),
         (How::Again, _) => "was already delivered and is written to import again".into(),
         (How::BeforeTheCrash(Certainty::Certain), _) => {
-            "was delivered before the station was interrupted, and is filed now".into()
+            "was delivered before the station was interrupted; its original is in the archive now".into()
         }
         (How::BeforeTheCrash(Certainty::Uncertain), _) => {
-            "may have been delivered before the station was interrupted, and is filed now".into()
+            "may have been delivered before the station was interrupted; its original is in the archive now"
+                .into()
         }
-        (How::Perhaps, _) => "may have been delivered to import, and is filed now".into(),
+        (How::Perhaps, _) => "may have been delivered to import; its original is in the archive now".into(),
     }
 }
 

@@ -242,7 +242,14 @@ fn too_large(size: u64) -> Reason {
 
 fn companion_missing(part: &str, companion: &Companion) -> Reason {
     let what = format!("{part} needs {}, which is missing.", companion.name);
-    Reason::new("companion-missing", what, format!("Drop {} into the same folder.", companion.name))
+    Reason::new(
+        "companion-missing",
+        what,
+        format!(
+            "Drop {} into the same folder. If the part was rejected, drop both together.",
+            companion.name
+        ),
+    )
 }
 
 fn companion_short(part: &str, companion: &Companion, size: u64) -> Reason {

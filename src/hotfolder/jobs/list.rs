@@ -127,13 +127,14 @@ impl<C: Corrector> Executor<'_, C> {
         self.report_list(task, (sku, pattern), (name, &products), &rows)?;
         let (first, last) = (products.rows.first(), products.rows.last());
         if let (Some(first), Some(last)) = (first, last) {
-            tracing::info!(
-                "{}: {} drawings are in the hot folder, with the serial numbers {} to {}",
-                on_one_line(name),
-                products.rows.len(),
-                first.serial,
-                last.serial
-            );
+            let made = match products.rows.len() {
+                1 => format!("1 drawing is in the hot folder, with the serial number {}", first.serial),
+                many => format!(
+                    "{many} drawings are in the hot folder, with the serial numbers {} to {}",
+                    first.serial, last.serial
+                ),
+            };
+            tracing::info!("{}: {made}", on_one_line(name));
         }
         self.file_list(task, sku, pattern, slot)
     }
@@ -161,8 +162,8 @@ impl<C: Corrector> Executor<'_, C> {
         drop(journal);
         if let Some(older) = older {
             tracing::warn!(
-                "the serial numbers of {sku} begin again at {}: `start` under [serial] was {older} before; numbers above it that were used \
-                 before are used again",
+                "the serial numbers of {sku} start again at {}: `start` under [serial] was {older} before. Numbers from there on that \
+                 were marked before are marked again",
                 serial.start
             );
         }
@@ -171,8 +172,8 @@ impl<C: Corrector> Executor<'_, C> {
                 serial.number(index).map_or_else(|| "the last".into(), |number| number.to_string())
             };
             tracing::warn!(
-                "{} changed while its drawings were made: the serial numbers {} to {} of its previous content are void, except those in \
-                 the hot folder and in import",
+                "{} changed while its drawings were made: the serial numbers {} to {} of its previous content will not be used again, \
+                 except those in the hot folder and in import",
                 on_one_line(name),
                 numbers(begun.used),
                 numbers(begun.used + begun.rows.saturating_sub(1))
@@ -181,7 +182,7 @@ impl<C: Corrector> Executor<'_, C> {
         for row in &products.left_out {
             tracing::warn!("{}", row.reason.on_one_line());
             if let Some(serial) = row.serial {
-                tracing::warn!("the serial number {serial} of {sku} is void: its row is left out");
+                tracing::warn!("the serial number {serial} of {sku} will not be used: its row is left out");
             }
         }
         Ok(Some(listing))
@@ -365,8 +366,8 @@ fn check_size(name: &str, read: &Read, products: &Products) -> Result<(), JobErr
 fn list_is_gone() -> Reason {
     Reason::new(
         "list-removed",
-        "The list of this drawing was removed before all its rows were drawings.",
-        "Drop the drawing and a list with the missing rows again. The serial numbers of these rows are void.",
+        "The list of this drawing was removed before isomark had made a drawing from every row.",
+        "Drop the drawing and a list with the missing rows again. The serial numbers of these rows will not be used.",
     )
 }
 

@@ -103,7 +103,7 @@ pub fn return_rejected(
                         )
                     }
                     None => {
-                        "Use its name in the hot folder: its .reason.txt starts with that name.".to_owned()
+                        "Give the name that the file had in the hot folder. `isomark status` lists what was rejected.".to_owned()
                     }
                 };
                 Reason::new("not-rejected", what, remedy)

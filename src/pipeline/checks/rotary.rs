@@ -12,7 +12,9 @@ pub(in crate::pipeline) fn not_round(residual: Option<f64>, limit: f64) -> Reaso
          `--cylinder`, `--cone`) or set `method = \"cylinder\"` or `\"cone\"`; otherwise set `tiles = \"off\"` under [rotary].",
     );
     match residual {
-        Some(residual) => reason.with_number("distance from the nearest one", residual, "mm", Some(limit)),
+        Some(residual) => {
+            reason.with_number("distance from the best cylinder or cone", residual, "mm", Some(limit))
+        }
         None => reason,
     }
 }
@@ -28,7 +30,7 @@ pub(in crate::pipeline) fn rotary_hollow() -> Reason {
 pub(in crate::pipeline) fn rotary_method(method: Method) -> Reason {
     Reason::new(
         "rotary-method",
-        format!("A mark in tiles is unrolled exactly, and the method `{method}` does not do that."),
+        format!("Tiles need an exact unrolling, and the method `{method}` has none."),
         "Set `method` to \"auto\", \"cylinder\" or \"cone\", or set `tiles = \"off\"` under [rotary].",
     )
 }
@@ -50,7 +52,7 @@ pub(in crate::pipeline) fn wider_than_round(width: f64, radius: f64) -> Reason {
     let share = std::f64::consts::TAU / width * 100.0;
     Reason::new(
         "rotary-too-wide",
-        format!("The drawing is wider than the part is round: it spans {:.2} deg about the axis.", width.to_degrees()),
+        format!("The drawing is longer than the circumference of the part: it spans {:.2} deg about the axis.", width.to_degrees()),
         format!(
             "Make the drawing narrower, to at most {:.2} %; or check its unit and the part's diameter ({:.3} mm).",
             (share * 100.0).floor() / 100.0,

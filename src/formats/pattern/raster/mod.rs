@@ -191,7 +191,7 @@ fn nothing_to_mark(decoded: &Decoded, settings: &RasterOptions, is_all_ink: bool
         )
     } else {
         format!(
-            "Check that this is the right picture; if it is, {other} `--threshold` (`threshold_percent`)."
+            "Check that this is the right picture; if it is, {other} `threshold_percent` under [pattern] (`--threshold`)."
         )
     };
     PatternReadError::NothingToMark { found, remedy }
