@@ -35,7 +35,7 @@ fn what_was_learned_while_the_network_was_cut_is_sent_in_order_also_after_a_kill
     let mut station = Station::of("laser1", &proxy.url("laser1"));
     station.waits_for_fleet(1);
     proxy.cut();
-    station.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    station.waits_for("the trouble", |station| station.troubles().contains("cannot be reached"));
     for (index, sku) in ["c", "a", "b"].into_iter().enumerate() {
         works(&station, sku, 1.0 + index as f64 * 0.1);
     }
@@ -63,7 +63,7 @@ fn a_server_that_hangs_holds_up_nothing() {
     for (index, sku) in ["a", "b", "c"].into_iter().enumerate() {
         works(&station, sku, 1.0 + index as f64 * 0.1);
     }
-    station.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    station.waits_for("the trouble", |station| station.troubles().contains("cannot be reached"));
     works(&station, "d", 1.4);
     proxy.pass();
     station.waits_for("an empty outbox", |station| outbox(station) == 0);
@@ -117,7 +117,7 @@ fn the_part_that_was_learned_last_stays_also_if_its_rival_is_announced_later() {
         }
     };
     proxy.cut();
-    cut_off.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    cut_off.waits_for("the trouble", |station| station.troubles().contains("cannot be reached"));
     learns(&cut_off, 1.0, 1);
     learns(&other, 1.1, 1);
     waits_for("the part", || agreed() == hash(&trough(1.1)), || other.log());
@@ -126,7 +126,7 @@ fn the_part_that_was_learned_last_stays_also_if_its_rival_is_announced_later() {
         .waits_for("the news", |station| station.logged("is not the part of trough any more: laser2") == 1);
     everywhere(1.1);
     proxy.cut();
-    cut_off.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    cut_off.waits_for("the trouble", |station| station.troubles().contains("cannot be reached"));
     learns(&other, 1.2, 2);
     waits_for("the part", || agreed() == hash(&trough(1.2)), || other.log());
     learns(&cut_off, 1.3, 2);

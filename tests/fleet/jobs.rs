@@ -131,7 +131,7 @@ fn a_drop_for_another_line_waits_while_the_database_is_away_and_reports_it_once(
     two.waits_for("the part", |two| two.logged("is now the part of") == 1);
     server.cut();
     for station in [&one, &two] {
-        station.waits_for("the trouble", |station| station.troubles().contains("is away"));
+        station.waits_for("the trouble", |station| station.troubles().contains("cannot be reached"));
     }
     one.drop_in("trough@a.dxf", &line(9.0));
     one.waits_for("the reason", |one| one.status()["waiting"].to_string().contains("\"line-away\""));
@@ -289,7 +289,7 @@ fn what_is_sent_twice_is_one_job_and_only_some_roles_send() {
     desk.write("can.glb", "");
     send(&desk, &[&office, "--to", "nobody", "can.glb"]).refused(1, &["Only drawings"]);
     let nowhere = format!("postgresql://owner@127.0.0.1:{}/isomark", crate::server::free_port());
-    send(&desk, &[&nowhere, "--to", "nobody", "can@a.dxf"]).refused(3, &["is away"]);
+    send(&desk, &[&nowhere, "--to", "nobody", "can@a.dxf"]).refused(3, &["cannot be reached"]);
 }
 
 /// What each role may do, in SQL. A station acts under its own name only.

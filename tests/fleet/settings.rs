@@ -212,7 +212,7 @@ fn a_station_that_was_away_receives_what_it_missed() {
     let mut station = Station::of("laser1", &proxy.url("laser1"));
     station.waits_for("the first settings", |station| settings(station, "before.toml") == turned(1));
     proxy.cut();
-    station.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    station.waits_for("the trouble", |station| station.troubles().contains("cannot be reached"));
     for (sku, degrees) in [("a", 2), ("Bee", 3), ("a", 4)] {
         release(&desk, &url, sku, &turned(degrees), &[]);
     }
@@ -271,7 +271,7 @@ fn a_local_change_is_kept_beside_and_replaced() {
     station.waits_for("the release again", |station| settings(station, "can.toml") == turned(90));
     assert_eq!(file(&station, "can.toml.local"), turned(20));
     proxy.cut();
-    station.waits_for("the trouble", |station| station.troubles().contains("is away"));
+    station.waits_for("the trouble", |station| station.troubles().contains("cannot be reached"));
     change(&station, 40);
     station.waits_for("the release again", |station| settings(station, "can.toml") == turned(90));
     assert_eq!(file(&station, "can.toml.local-2"), turned(40));
@@ -305,7 +305,7 @@ fn a_local_change_is_kept_beside_and_replaced() {
     assert_eq!(station.status()["outdated"]["count"], 0);
     // Half a file, as an editor writes it, is kept when it is complete: nothing is lost.
     proxy.pass();
-    station.waits_for("the fleet", |station| !station.troubles().contains("is away"));
+    station.waits_for("the fleet", |station| !station.troubles().contains("cannot be reached"));
     // A removed release takes the file with it, and a change of it is kept.
     station.kill();
     change(&station, 60);

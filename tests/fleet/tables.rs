@@ -85,7 +85,7 @@ fn a_login_is_refused_or_without_rights_with_the_reason() {
     server.sql("isomark", "ALTER ROLE nobody PASSWORD 'another'");
     fleet(&desk, &["status", &url]).refused(3, &["password authentication failed", "pg_hba.conf"]);
     let nowhere = format!("postgresql://owner@127.0.0.1:{}/isomark", crate::server::free_port());
-    fleet(&desk, &["status", &nowhere]).refused(3, &["is away"]);
+    fleet(&desk, &["status", &nowhere]).refused(3, &["cannot be reached"]);
     desk.isomark(&["fleet", "status", "postgresql://owner:secret@localhost/isomark"])
         .refused(2, &["contains a password"]);
 }
