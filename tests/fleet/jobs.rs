@@ -354,7 +354,7 @@ fn a_job_of_a_dead_station_stays_until_a_person_takes_it_over_and_a_stale_end_ch
     let taken =
         "SELECT count(*) FROM isomark.job WHERE state = 'taken' AND station = 'laser2' AND attempt = 1";
     waits_for_rows(&server, taken, "2", &two);
-    two.waits_for("both drops", |two| files(two, "hot").len() == 2 && two.logged("came as job") == 2);
+    two.waits_for("both drops", |two| files(two, "hot").len() == 2 && two.logged("arrived as job") == 2);
     proxy.cut();
     two.kill();
     let mut three = station(&server, "laser3", IN_CUPS);
