@@ -536,7 +536,7 @@ fn a_part_with_a_face_that_is_not_read_is_converted_where_the_settings_request_i
         return;
     }
     let (code, words) = ended(correct("wrong.step", &converting));
-    assert!(code == Some(1) && words.contains("is rejected, too"), "{words}");
+    assert!(code == Some(1) && words.contains("is also rejected"), "{words}");
     let (code, words) = ended(correct("cap.step", &converting));
     assert!(code == Some(0) && words.contains("step-converted"), "{words}");
     assert!(out.exists());
