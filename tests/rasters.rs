@@ -357,8 +357,8 @@ fn pictures_without_an_outline_are_refused_with_a_remedy() {
     inverted.inverted = true;
     // A higher threshold marks lighter pixels.
     for (name, words, change) in [
-        ("all-white.png", "lighter than the threshold of 50 %", "raise `--threshold`"),
-        ("all-black.png", "no outline", "lower `--threshold`"),
+        ("all-white.png", "lighter than the threshold of 50 %", "raise `threshold_percent`"),
+        ("all-black.png", "no outline", "lower `threshold_percent`"),
     ] {
         let error = try_read(&picture(name), RasterOptions::default()).unwrap_err();
         let reason = error.reason();

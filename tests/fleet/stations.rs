@@ -50,7 +50,8 @@ fn a_station_works_alone_while_the_database_is_away_and_reports_it_once() {
     let station = Station::of("laser1", &server.url("laser1"));
     station.waits_for_fleet(1);
     server.cut();
-    station.waits_for("the trouble in the status", |station| station.troubles().contains("cannot be reached"));
+    station
+        .waits_for("the trouble in the status", |station| station.troubles().contains("cannot be reached"));
     station.drop_in("trough.obj", &trough(1.0));
     station.drop_in("trough.dxf", &line(9.0));
     station.waits_for_file("import/trough.dxf");

@@ -189,7 +189,7 @@ fn a_station_is_asked_from_another_terminal() {
     assert_eq!((&now["running"], &now["state"]), (&false.into(), &"ended-silently".into()));
     station.once();
     let output = ask(&station).out;
-    assert!(output.contains("does not run; stopped at 20"), "{output}");
+    assert!(output.contains("not running; stopped at 20"), "{output}");
     // Including drops that were rejected before.
     let done = ": 0 delivered, 0 rejected, 0 parts learned; in the last hour 0 delivered, 0 rejected\n";
     assert!(output.contains(done) && output.contains("1 rejected drop is in "), "{output}");

@@ -128,21 +128,22 @@ fn sample_parts_of_several_exporters_are_corrected() {
         assert_eq!(serde_json::from_slice::<Value>(&desk.read("report.json")).unwrap(), report);
 
         assert_eq!(report["map"]["method"], method, "{case}");
+        let unknown = |name: &str| {
+            report.pointer(&format!("/quality/after/uncertain/{name}")).and_then(Value::as_f64).unwrap_or(0.0)
+        };
         // What the map leaves; chords and what the facets leave uncertain add to it.
-        let uncertain = report.pointer("/quality/after/uncertain/length_error_mm").and_then(Value::as_f64);
-        let added = number(&report, "/output/shortening_mm") + uncertain.unwrap_or(0.0);
+        let added = number(&report, "/output/shortening_mm") + unknown("length_error_mm");
         let left = number(&report, "/quality/after/length_error_mm") - added;
         let relative = left / number(&report, "/quality/after/length_mm");
         assert!(relative < remains, "{case}: {relative}");
         assert!(relative * 3.0 < number(&report, "/quality/before/length_error_relative"), "{case}");
-        for (after, limit) in
-            [("rms_stretch", 0.03), ("largest_stretch", 0.1), ("largest_angle_error_deg", 20.0)]
-        {
-            let mut value = number(&report, &format!("/quality/after/{after}"));
-            if after == "largest_stretch" {
-                value -=
-                    report.pointer("/quality/after/uncertain/stretch").and_then(Value::as_f64).unwrap_or(0.0);
-            }
+        let share = unknown("length_error_mm") / number(&report, "/quality/after/length_mm");
+        for (after, limit, uncertain) in [
+            ("rms_stretch", 0.03, share),
+            ("largest_stretch", 0.1, unknown("stretch")),
+            ("largest_angle_error_deg", 20.0, unknown("angle_error_deg")),
+        ] {
+            let value = number(&report, &format!("/quality/after/{after}")) - uncertain;
             assert!((0.0..limit).contains(&value), "{case}: {after} {value}");
         }
         assert!(number(&report, "/part/residual/under_ink_mm") < 0.05, "{case}");

@@ -120,14 +120,14 @@ fn a_wrong_unit_of_the_part_is_reported() {
     // Its numbers are metres: as inches it is 39 times too small, as millimetres a thousand times.
     for unit in ["inch", "cm", "mm"] {
         correct(&desk, &part(MOUSE), &drawing("abc"), &format!("--part-unit {unit}"))
-            .refused(1, &[&format!("taken as {unit} because the settings say so"), "`--part-unit`"]);
+            .refused(1, &[&format!("read as {unit} because the settings say so"), "`--part-unit`"]);
     }
-    // The numbers are metres, but are taken as mm because STL has no unit.
+    // The numbers are metres, but are read as mm because STL has no unit.
     let in_metres = "solid x\nfacet normal 0 0 1\nouter loop\nvertex -3 -3 0\nvertex 3 -3 0\nvertex 3 3 0\nendloop\nendfacet\n\
                      facet normal 0 0 1\nouter loop\nvertex -3 -3 0\nvertex 3 3 0\nvertex -3 3 0\nendloop\nendfacet\nendsolid x\n";
     desk.write("plate.stl", in_metres);
     correct(&desk, "plate.stl", &drawing("abc"), "")
-        .refused(1, &["Check the unit of the part", "taken as mm because STL"]);
+        .refused(1, &["Check the unit of the part", "read as mm because STL"]);
 }
 
 #[test]
