@@ -492,6 +492,11 @@ mod tests {
         }]))
     }
 
+    /// A laser straight above the part.
+    fn from_above<'a>(map: &'a LengthTrueMap, surface: &'a FittedSurface) -> Projection<'a> {
+        Projection { map, surface, fixture: Fixture::default(), head: ScanHead::TELECENTRIC }
+    }
+
     fn bent(
         surface: &FittedSurface,
         pattern: &Pattern,
@@ -499,8 +504,7 @@ mod tests {
         tolerance: f64,
     ) -> (MarkingDrawing, LengthTrueMap) {
         let map = LengthTrueMap::find(surface, pattern, |_| true, FlatPoint::new(0.0, 0.0), &method).unwrap();
-        let projection =
-            Projection { map: &map, surface, fixture: Fixture::default(), head: ScanHead::TELECENTRIC };
+        let projection = from_above(&map, surface);
         (projection.bend(pattern, tolerance, Subdivision::Adaptive).unwrap().drawing, map)
     }
 
@@ -611,12 +615,7 @@ mod tests {
         let mut pattern = drawing(Shape::Closed(vec![circle(3.0)]));
         pattern.paths.extend(line([-5.0, 0.0], [5.0, 1.0]).paths);
         let map = LengthTrueMap::Plain;
-        let projection = Projection {
-            map: &map,
-            surface: &surface,
-            fixture: Fixture::default(),
-            head: ScanHead::TELECENTRIC,
-        };
+        let projection = from_above(&map, &surface);
         for (tolerance, subdivision) in
             [(0.1, Subdivision::Adaptive), (0.01, Subdivision::Adaptive), (0.01, Subdivision::Keep)]
         {
@@ -659,12 +658,7 @@ mod tests {
             corners.iter().cloned().zip(lines).flat_map(|(arc, line)| [arc, line]).collect();
         let pattern = drawing(Shape::Closed(segments));
         let map = LengthTrueMap::Plain;
-        let projection = Projection {
-            map: &map,
-            surface: &surface,
-            fixture: Fixture::default(),
-            head: ScanHead::TELECENTRIC,
-        };
+        let projection = from_above(&map, &surface);
         for subdivision in [Subdivision::Adaptive, Subdivision::Keep] {
             let bent = projection.bend(&pattern, 0.02, subdivision).unwrap();
             let points = bent.drawing.paths[0].shape.points();
@@ -690,12 +684,7 @@ mod tests {
     fn small_circles_keep_their_perimeter_with_few_points() {
         let surface = surface(|_, _| 0.0);
         let map = LengthTrueMap::Plain;
-        let projection = Projection {
-            map: &map,
-            surface: &surface,
-            fixture: Fixture::default(),
-            head: ScanHead::TELECENTRIC,
-        };
+        let projection = from_above(&map, &surface);
         let turn = std::f64::consts::TAU;
         for radius in [0.01, 0.05, 0.1, 0.3, 1.0] {
             let arc = Segment::Arc {
