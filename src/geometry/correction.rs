@@ -104,7 +104,7 @@ impl Projection<'_> {
     }
 
     /// The whole drawing as polylines in the field. With [`Subdivision::Adaptive`] every polyline stays within
-    /// `tolerance` mm of the true image. The chords of curves are at most 0.5 % shorter than their arcs: small letters keep
+    /// `tolerance` mm of the true image. The chords of curves are at most about 0.5 % shorter than their arcs: small letters keep
     /// their lengths, too.
     ///
     /// # Errors

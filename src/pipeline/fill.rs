@@ -219,7 +219,7 @@ fn contours(
             _ => Notice::warning(
                 "fill-open",
                 format!(
-                    "{what}; {nearly} of them have ends at most {NEARLY_CLOSED} mm apart (the first {:.3} mm): close them in the \
+                    "{what}; {nearly} nearly closed, with ends at most {NEARLY_CLOSED} mm apart (the first {:.3} mm): close them in the \
                      drawing, or raise `joining_mm` under [pattern]",
                     first.gap
                 ),

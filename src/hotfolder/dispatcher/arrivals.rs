@@ -224,7 +224,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let claim = self.arrivals.revoked.get(drop)?;
         let is_it = self.executor.journal().arrival(drop).is_some_and(|arrival| arrival.claim == *claim);
         is_it.then(|| {
-            let what = "Somebody put this job back into its line's queue (`isomark retry --take-over`), so this station dropped it.";
+            let what = "Somebody put this job back into its line's queue (`isomark retry --take-over`), so this station no longer processes it.";
             let remedy =
                 "Nothing, if the drawing is marked elsewhere. `isomark fleet status` shows where the job is.";
             Reason::new("job-taken-over", what, remedy)

@@ -410,13 +410,13 @@ fn describe(how: How, last: Option<(&str, bool)>, is_for_server: bool) -> String
         (How::Unchanged, _) => "was already delivered and is unchanged in import".into(),
         (How::Again, _) => "was already delivered and is written to import again".into(),
         (How::BeforeTheCrash(Certainty::Certain), _) => {
-            "was delivered before the station was interrupted; its original is in the archive now".into()
+            "was delivered before the station was interrupted; its original goes to the archive".into()
         }
         (How::BeforeTheCrash(Certainty::Uncertain), _) => {
-            "may have been delivered before the station was interrupted; its original is in the archive now"
+            "may have been delivered before the station was interrupted; its original goes to the archive"
                 .into()
         }
-        (How::Perhaps, _) => "may have been delivered to import; its original is in the archive now".into(),
+        (How::Perhaps, _) => "may have been delivered to import; its original goes to the archive".into(),
     }
 }
 
