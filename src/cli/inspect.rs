@@ -401,7 +401,7 @@ fn side_lines(text: &mut String, facts: &PartFacts, is_named: bool) {
         None => String::new(),
     };
     let kind = if first.curved { "the largest curved side" } else { "the largest side" };
-    line(text, "meant", &format!("probably {}, {kind}{instead}", names.join(" or ")));
+    line(text, "to mark", &format!("probably side {}, {kind}{instead}", names.join(" or ")));
 }
 
 fn surface_line(text: &mut String, surface: &FittedSurface) {

@@ -39,6 +39,8 @@ pub enum ConfigError {
         key: String,
         /// The keys that exist here.
         allowed: Vec<String>,
+        /// The tables of the same settings in which this key exists.
+        tables: Vec<String>,
     },
     /// A name that is not one of the choices.
     UnknownChoice {
@@ -222,12 +224,18 @@ impl ConfigError {
                 "Give text such as `inch`, a number such as 0.5, `true`, `false`, or a list such as `[1, 2]`."
                     .into()
             }
-            Self::Syntax { .. } => "Correct the line: text needs quotes, numbers need none.".into(),
+            Self::Syntax { .. } => {
+                "Correct the line: write `key = \"text\"`, `key = 1.5`, or `[table]`.".into()
+            }
             Self::UnknownKey { key, allowed, .. } if self.is_option() && allowed.contains(key) => {
                 format!("Name one of its keys, as in `--set {key}.KEY=VALUE`; watch-config/ lists them.")
             }
+            Self::UnknownKey { key, tables, .. } if !tables.is_empty() => {
+                let tables: Vec<String> = tables.iter().map(|table| format!("[{table}]")).collect();
+                format!("Move `{key}` into {}.", tables.join(" or "))
+            }
             Self::UnknownKey { key: given, allowed, .. } | Self::UnknownChoice { given, allowed, .. } => {
-                match nearest(given, allowed) {
+                match nearest_setting(given, allowed) {
                     Some(name) => format!("Did you mean `{name}`? Known: {}.", listed(allowed)),
                     None if allowed.is_empty() => "Remove it.".into(),
                     None => format!("Use one of: {}.", listed(allowed)),
@@ -247,6 +255,16 @@ impl std::fmt::Display for ConfigError {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Reason { what, remedy, .. } = self.reason();
         write!(out, "{}: {what} {remedy}", self.place())
+    }
+}
+
+/// The name nearest to `given`. The table that all names begin with does not make a key similar to another.
+fn nearest_setting(given: &str, names: &[String]) -> Option<String> {
+    let table = given.find('.').map_or("", |dot| &given[..=dot]);
+    let keys: Option<Vec<&str>> = names.iter().map(|name| name.strip_prefix(table)).collect();
+    match keys {
+        Some(keys) => nearest(&given[table.len()..], &keys).map(|key| format!("{table}{key}")),
+        None => nearest(given, names).map(str::to_owned),
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::choices::{Backend, DeliveryKind, Outdated, Repeat};
@@ -294,7 +295,7 @@ impl Station {
     /// As [`parse`](Self::parse).
     pub fn parse_with(file: &Path, text: &str, overrides: &Overrides) -> Result<Self, ConfigError> {
         let text = SettingsText::new(file, text).with(overrides);
-        let keys: StationKeys = text.parse()?;
+        let keys: StationKeys = understood(&text)?;
         let name = keys.station.name;
         if name.get_ref().trim().is_empty() || name.get_ref().chars().any(char::is_control) {
             return Err(ConfigError::Contradiction {
@@ -371,7 +372,7 @@ impl JobSettings {
     pub fn with_sidecar(&self, file: &Path, text: &str) -> Result<Self, ConfigError> {
         let text = SettingsText::new(Path::new(file.file_name().unwrap_or_default()), text);
         let mut settings = self.clone();
-        text.parse::<SidecarKeys>()?.apply(&text, &mut settings)?;
+        understood::<SidecarKeys>(&text)?.apply(&text, &mut settings)?;
         Ok(settings)
     }
 
@@ -382,7 +383,7 @@ impl JobSettings {
     pub fn overridden_by(&self, file: &Path, text: &str) -> Result<Self, ConfigError> {
         let text = SettingsText::new(file, text);
         let mut settings = self.clone();
-        text.parse::<JobKeys>()?.apply(&text, &mut settings)?;
+        understood::<JobKeys>(&text)?.apply(&text, &mut settings)?;
         Ok(settings)
     }
 }
@@ -395,7 +396,7 @@ impl JobSettings {
     pub fn with_overrides(&self, overrides: &Overrides) -> Result<Self, ConfigError> {
         let text = SettingsText::of_options(overrides);
         let mut settings = self.clone();
-        text.parse::<JobKeys>()?.apply(&text, &mut settings)?;
+        understood::<JobKeys>(&text)?.apply(&text, &mut settings)?;
         Ok(settings)
     }
 
@@ -405,7 +406,7 @@ impl JobSettings {
     /// When any of them is wrong, or is not for a laser; see [`ConfigError`].
     pub fn without_station(overrides: &Overrides) -> Result<(Self, Verify), ConfigError> {
         let text = SettingsText::of_options(overrides);
-        let keys: LaserKeys = text.parse()?;
+        let keys: LaserKeys = understood(&text)?;
         let mut settings = Self::default();
         if let Some(field) = keys.field {
             field.apply(&text, &mut settings)?;
@@ -435,12 +436,29 @@ pub(super) fn is_of_its_kind(text: &SettingsText) -> Result<(), ConfigError> {
 
 /// The tables of a station's file, or the keys of one of them.
 pub(super) fn keys_of(table: Option<&str>) -> Vec<String> {
+    keys_in::<StationKeys>(table)
+}
+
+/// The tables of a kind of settings, or the keys of one of them.
+fn keys_in<T: DeserializeOwned>(table: Option<&str>) -> Vec<String> {
     // The error for an unknown key lists all known ones.
     let text = table.map_or("\"\" = 0".into(), |table| format!("{table}.\"\" = 0"));
-    match SettingsText::new(Path::new(""), &text).parse::<StationKeys>() {
+    match SettingsText::new(Path::new(""), &text).parse::<T>() {
         Err(ConfigError::UnknownKey { allowed, .. }) => allowed,
         _ => Vec::new(),
     }
+}
+
+/// The keys of a text. The error for an unknown key names the tables that have this key.
+fn understood<T: DeserializeOwned>(text: &SettingsText) -> Result<T, ConfigError> {
+    text.parse().map_err(|error| match error {
+        ConfigError::UnknownKey { spot, key, allowed, .. } => {
+            let mut tables = keys_in::<T>(None);
+            tables.retain(|table| keys_in::<T>(Some(table)).contains(&key));
+            ConfigError::UnknownKey { spot, key, allowed, tables }
+        }
+        error => error,
+    })
 }
 
 /// The text of a settings file.

@@ -73,6 +73,13 @@ fn a_sku_overrides_key_by_key() {
 /// The text after [`NEEDED`] (whose last line is 9), the error, and its place.
 const MISTAKES: &[(&str, &str, u64, u64)] = &[
     ("[watch]\nsetle_ms = 1", "There is no key `setle_ms` here. Did you mean `settle_ms`?", 11, 1),
+    (
+        "[part]\ntolerance_mm = 1",
+        "There is no key `tolerance_mm` here. Move `tolerance_mm` into [correction].",
+        11,
+        1,
+    ),
+    ("[correction]\nkind = \"perspective\"", "Move `kind` into [optics] or [delivery].", 11, 1),
     ("[pattern]\nwidth_mm = 0", "`pattern.width_mm` cannot be 0 mm. Give a number from 0.01", 11, 12),
     (
         "[optics]\naxis_mm = [0, 0]",

@@ -135,7 +135,7 @@ impl SettingsText {
         let mut names = message.split('`').skip(1).step_by(2).map(str::to_owned);
         match (message.split_once('`').map(|(head, _)| head), names.next()) {
             (Some("unknown field "), Some(key)) => {
-                ConfigError::UnknownKey { spot, key, allowed: names.collect() }
+                ConfigError::UnknownKey { spot, key, allowed: names.collect(), tables: Vec::new() }
             }
             (Some("unknown variant "), Some(given)) => {
                 ConfigError::UnknownChoice { spot, given, allowed: names.collect() }

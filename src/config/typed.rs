@@ -94,7 +94,8 @@ fn known<'a>(option: &str, name: &'a str) -> Result<(&'a str, &'a str), ConfigEr
         (true, false) => with_key.into_iter().cloned().collect(),
         (true, true) => keys_of(None),
     };
-    Err(ConfigError::UnknownKey { spot: Spot::Option(option.into()), key: name.into(), allowed })
+    let spot = Spot::Option(option.into());
+    Err(ConfigError::UnknownKey { spot, key: name.into(), allowed, tables: Vec::new() })
 }
 
 /// The possible meanings of a typed value in TOML, the likeliest first.

@@ -582,9 +582,16 @@ impl<C: Corrector> Dispatcher<'_, C> {
     }
 }
 
-/// The changed lines of a settings file, as one line for the log.
+/// The changed lines of a settings file, as one line for the log. Comments of whole lines are left out.
 fn changes(old: &str, new: &str) -> String {
-    diff::text_changes(old, new).join("; ")
+    let [old, new] = [old, new].map(|text| {
+        let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
+        lines.collect::<Vec<_>>().join("\n")
+    });
+    match diff::text_changes(&old, &new) {
+        lines if lines.is_empty() => "only comments changed".into(),
+        lines => lines.join("; "),
+    }
 }
 
 #[cfg(test)]
@@ -595,5 +602,7 @@ mod tests {
     fn changed_settings_are_logged_on_one_line() {
         let (old, new) = ("[beam]\na = 1\nb = 2\n", "[beam]\na = 1\nb = 3\nc = 4\n");
         assert_eq!(changes(old, new), "- b = 2; + b = 3; + c = 4");
+        assert_eq!(changes("a = 1\n# b\n", "# a\na = 2\n"), "- a = 1; + a = 2");
+        assert_eq!(changes("a = 1\n# b\n", "# a\na = 1\n"), "only comments changed");
     }
 }

@@ -148,8 +148,8 @@ impl SensitivityReport {
         let mut lines = Vec::new();
         if let (Some(sideways), Some(height), Some(turn)) = (self.sideways(), height, turn) {
             lines.push(format!(
-                "misplacement  0.1 mm sideways costs {:.3} mm of length and moves the mark {:.2} mm; 0.1 mm of height: {:.3} and \
-                 {:.2} mm; a turn of 0.1 deg: {:.3} and {:.2} mm",
+                "misplacement  a part 0.1 mm to the side adds up to {:.3} mm to the length error and moves the mark by {:.2} mm; \
+                 0.1 mm too high or low: {:.3} and {:.2} mm; turned by 0.1 deg: {:.3} and {:.2} mm",
                 sideways.length_mm,
                 sideways.moved_mm,
                 height.length_mm,

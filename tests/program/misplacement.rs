@@ -79,7 +79,9 @@ fn the_error_to_expect_follows_from_the_uncertainty_of_the_fixture() {
         "fixture.uncertainty_mm=0.2",
     ]);
     assert!(
-        said.err.contains("0.1 mm sideways costs 0.028 mm of length and moves the mark 0.11 mm"),
+        said.err.contains(
+            "a part 0.1 mm to the side adds up to 0.028 mm to the length error and moves the mark by 0.11 mm"
+        ),
         "{}",
         said.err
     );

@@ -79,7 +79,7 @@ fn the_sides_of_a_can_have_the_areas_of_the_formula() {
         "side -y    curved, ",
         "at --facing=-y --place 0,55",
         "side +z    flat, 34",
-        "meant      probably +x or -x or +y or -y, the largest curved side; without `--facing` the laser looks at the flat side +z",
+        "to mark    probably side +x or -x or +y or -y, the largest curved side; without `--facing` the laser looks at the flat side +z",
     ] {
         assert!(text.contains(words), "{words}:\n{text}");
     }

@@ -1,5 +1,6 @@
 //! Why a part file cannot be read, as data and as a reason with a remedy.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::io;
 
@@ -233,7 +234,7 @@ pub enum MeshReadError {
         /// Beginning of the line.
         text: String,
         /// What is wrong with it.
-        problem: &'static str,
+        problem: Cow<'static, str>,
     },
     /// The parser refuses a file that passed the checks here.
     #[error("the {format} file cannot be read: {message}")]
@@ -516,9 +517,7 @@ impl MeshReadError {
                  and z"
             }
             Self::NoPoints { .. } => "check that the scanner captured the part, and export the scan again",
-            Self::BadLine { .. } => {
-                "correct this line, or export the part again with a decimal point in numbers"
-            }
+            Self::BadLine { .. } => "correct this line, or export the part again",
             Self::Refused { .. } => "export the part as GLB instead",
             Self::NoTriangles { cause } => empty_remedy(cause),
             Self::TooLarge { .. } => {

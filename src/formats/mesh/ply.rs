@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 use super::clues::{Clues, stated_unit};
 use super::error::{EmptyCause, VertexPlace};
 use super::raw::is_infinite;
-use super::text::{first_bytes, number, without_mark, words};
+use super::text::{bad_line, first_bytes, no_number, number, without_mark, words};
 use super::{MAX_POINTS, MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most};
 use super::{normals, polygon};
 use crate::formats::Pace;
@@ -319,13 +319,13 @@ impl<'a> Body<'a> {
         let end = |rest: &[u8]| rest.iter().position(|&byte| byte == self.line_break).unwrap_or(rest.len());
         let text = &start[..end(start)];
         if self.rows == Rows::Whole && self.line > line {
-            return Err(super::text::bad_line(line, text, "it has fewer values than the header declares"));
+            return Err(bad_line(line, text, "it has fewer values than the header declares"));
         }
         let after = &self.rest[..end(self.rest)];
         if !after.trim_ascii().is_empty() {
             let text = if self.line > line { after } else { text };
             let problem = "it has more values than the header declares";
-            return Err(super::text::bad_line(self.line, text.trim_ascii(), problem));
+            return Err(bad_line(self.line, text.trim_ascii(), problem));
         }
         Ok(row)
     }
@@ -361,7 +361,7 @@ impl<'a> Body<'a> {
         let end = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
         let (word, rest) = self.rest.split_at(end);
         self.rest = rest;
-        number(word).ok_or_else(|| super::text::bad_line(self.line, word, "a number cannot be read"))
+        number(word).ok_or_else(|| bad_line(self.line, word, no_number(word)))
     }
 
     /// The number of values of a list; the file must have enough bytes for them.

@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 use super::clues::{Clues, stated_unit, unit_word};
 use super::error::VertexPlace;
 use super::raw::is_infinite;
-use super::text::{bad_line, beginning, first_bytes, last_line, lines, number, without_mark};
+use super::text::{bad_line, beginning, first_bytes, last_line, lines, no_number, number, without_mark};
 use super::{LengthUnit, MAX_POINTS, MeshFormat, MeshReadError, RawPart, at_most};
 use crate::reason::Notice;
 
@@ -67,7 +67,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
         for (value, column) in values.iter_mut().zip(columns.point) {
             *value = dialect
                 .value(fields[column])
-                .ok_or_else(|| bad_line(line, text, "a number cannot be read"))?;
+                .ok_or_else(|| bad_line(line, text, no_number(fields[column])))?;
         }
         let is_origin = values == [0.0; 3];
         if is_infinite(&Point3::from(values)) {

@@ -8,7 +8,9 @@ use nalgebra::Point3;
 
 use super::clues::Clues;
 use super::error::{EmptyCause, VertexPlace};
-use super::text::{bad_line, beginning, first_bytes, last_line, lines, number, without_mark, words};
+use super::text::{
+    bad_line, beginning, first_bytes, last_line, lines, no_number, number, without_mark, words,
+};
 use super::{MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, RawPart, at_most, normals};
 use crate::reason::Notice;
 
@@ -121,7 +123,7 @@ fn read_text(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadError>
                 for value in &mut coordinate {
                     let word =
                         words.next().ok_or_else(|| bad_line(line, text, "three numbers are needed"))?;
-                    *value = number(word).ok_or_else(|| bad_line(line, text, "a number cannot be read"))?;
+                    *value = number(word).ok_or_else(|| bad_line(line, text, no_number(word)))?;
                 }
                 if !coordinate.iter().all(|value| value.is_finite()) {
                     return Err(MeshReadError::NotFinite { vertex: VertexPlace::Obj { line }, coordinate });

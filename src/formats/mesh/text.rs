@@ -1,5 +1,7 @@
 //! Lines and numbers of text files with one entry per line, and readable beginnings of files for messages.
 
+use std::borrow::Cow;
+
 use crate::formats::mesh::MeshReadError;
 
 /// The trimmed lines of a text with their numbers, from 1; texts from old Macs have carriage returns only.
@@ -24,8 +26,13 @@ pub(super) fn number(word: &[u8]) -> Option<f64> {
 }
 
 /// The error for a line that is not valid.
-pub(super) fn bad_line(line: u64, text: &[u8], problem: &'static str) -> MeshReadError {
-    MeshReadError::BadLine { line, text: beginning(text), problem }
+pub(super) fn bad_line(line: u64, text: &[u8], problem: impl Into<Cow<'static, str>>) -> MeshReadError {
+    MeshReadError::BadLine { line, text: beginning(text), problem: problem.into() }
+}
+
+/// What is wrong with a line that has this word in place of a number.
+pub(super) fn no_number(word: &[u8]) -> String {
+    format!("`{}` is not a number", beginning(word))
 }
 
 /// The beginning of a line.

@@ -9,10 +9,10 @@ use crate::reason::{Place, Reason};
 #[non_exhaustive]
 pub enum PatternReadError {
     /// The bytes are not a DXF file.
-    #[error("this is not a DXF file: it seems to be {seems}")]
+    #[error("this is not a DXF file: {found}")]
     NotDxf {
-        /// What the bytes look like, with an article.
-        seems: String,
+        /// What the bytes seem to be, as the end of a sentence.
+        found: String,
     },
     /// The file is larger than allowed.
     #[error("the file has {bytes} bytes; at most {limit} are allowed")]

@@ -239,7 +239,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 Reason::new("waits-for-pattern", what, remedy)
             } else if is_sidecar(path) {
                 let what = "The settings wait for the drawing of the same name.";
-                Reason::new("waits-for-pattern", what, "Drop the drawing, or remove the file.")
+                Reason::new(
+                    "waits-for-pattern",
+                    what,
+                    "Drop the drawing (again, if it was delivered already), or remove this file.",
+                )
             } else {
                 let what = "The file waits for the part that uses it.";
                 Reason::new("waits-for-part", what, "Drop the part, or remove the file if no part needs it.")

@@ -269,7 +269,7 @@ fn reason_text(file_name: &OsStr, drop: &str, original: &Original, reason: &Reas
         })
         .collect();
     format!(
-        "{drop} was rejected.\n\n{}\n\n{settings}To try again: correct the file and drop it again. If only settings were \
+        "{drop} was rejected.\n\n{}\n\n{settings}To try again: correct {drop} and drop it again. If only settings were \
          wrong, correct them and run `isomark retry STATION.toml {}`.\n",
         reason.to_text(),
         quoted(drop)

@@ -1,11 +1,13 @@
 //! The pass before the parser: every line is checked, so that errors have a line number, and written again in the
 //! simplest form. Names, comments and skipped statements are collected on the way.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use crate::formats::mesh::clues::stated_unit;
 use crate::formats::mesh::error::VertexPlace;
 use crate::formats::mesh::raw::bounds_ink;
+use crate::formats::mesh::text::{bad_line, beginning, no_number};
 use crate::formats::mesh::{LengthUnit, MAX_TRIANGLES, MeshReadError, at_most};
 
 use super::lines::Lines;
@@ -128,7 +130,7 @@ impl Checked {
     fn statement(&mut self, line: u64, text: &[u8]) -> Result<(), MeshReadError> {
         let keyword_end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
         let (keyword, values) = text.split_at(keyword_end);
-        let bad = |problem| MeshReadError::BadLine { line, text: beginning(text), problem };
+        let bad = |problem| bad_line(line, text, problem);
         match keyword {
             b"v" => {
                 let coordinate = self.triple(keyword, values).map_err(bad)?;
@@ -174,14 +176,14 @@ impl Checked {
     }
 
     /// Reads three numbers; a fourth is a weight and the fourth to sixth are a colour, which do not move a corner.
-    fn triple(&mut self, keyword: &[u8], values: &[u8]) -> Result<[f64; 3], &'static str> {
+    fn triple(&mut self, keyword: &[u8], values: &[u8]) -> Result<[f64; 3], Cow<'static, str>> {
         let mut numbers = words(values);
         let mut triple = [0.0; 3];
         self.text.extend_from_slice(keyword);
         for number in &mut triple {
-            let word = numbers.next().ok_or("three numbers are needed")?;
+            let word = numbers.next().ok_or(Cow::from("three numbers are needed"))?;
             let parsed = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-            *number = parsed.ok_or("a number cannot be read")?;
+            *number = parsed.ok_or_else(|| no_number(word))?;
             self.text.push(b' ');
             self.text.extend_from_slice(word);
         }
@@ -193,7 +195,7 @@ impl Checked {
         &mut self,
         line: u64,
         values: &[u8],
-        bad: &dyn Fn(&'static str) -> MeshReadError,
+        bad: &dyn Fn(Cow<'static, str>) -> MeshReadError,
     ) -> Result<(), MeshReadError> {
         let mut arity = 0;
         self.text.push(b'f');
@@ -201,12 +203,13 @@ impl Checked {
             let mut numbers = corner.split(|&byte| byte == b'/');
             self.text.push(b' ');
             let vertex = numbers.next().unwrap_or_default();
-            let vertex = whole_number(vertex).ok_or_else(|| bad("a vertex index is not a number"))?;
+            let vertex = whole_number(vertex).ok_or_else(|| bad("a vertex index is not a number".into()))?;
             let vertex = self.vertex(vertex, line)?;
             self.text.extend_from_slice(vertex.to_string().as_bytes());
             let normal = match numbers.nth(1).filter(|normal| !normal.is_empty()) {
                 Some(normal) => {
-                    let normal = whole_number(normal).ok_or_else(|| bad("a normal index is not a number"))?;
+                    let normal =
+                        whole_number(normal).ok_or_else(|| bad("a normal index is not a number".into()))?;
                     self.normal(normal, line)
                 }
                 None => None,
@@ -221,7 +224,7 @@ impl Checked {
         }
         self.text.push(b'\n');
         if arity < 3 {
-            return Err(bad("a face needs at least three corners"));
+            return Err(bad("a face needs at least three corners".into()));
         }
         at_most("corners in one face", arity, MAX_CORNERS)?;
         self.corners += arity;
@@ -303,8 +306,4 @@ fn whole_number(word: &[u8]) -> Option<i64> {
     // 18 digits fit without overflow; no index needs more.
     let fits = (1..=18).contains(&digits.len()) && digits.iter().all(u8::is_ascii_digit);
     fits.then(|| sign * digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0')))
-}
-
-fn beginning(text: &[u8]) -> String {
-    String::from_utf8_lossy(&text[..text.len().min(60)]).into_owned()
 }

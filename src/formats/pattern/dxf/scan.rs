@@ -69,7 +69,7 @@ pub(super) fn scan(bytes: &[u8]) -> Result<Scan<'_>, PatternReadError> {
         scan.read_text()?;
     }
     if !scan.pairs.iter().any(|pair| scan.is(pair, 0, b"SECTION")) {
-        return Err(PatternReadError::NotDxf { seems: "text without a DXF section".into() });
+        return Err(PatternReadError::NotDxf { found: "it has no DXF section".into() });
     }
     Ok(scan)
 }
@@ -176,7 +176,7 @@ impl Scan<'_> {
             let Some(code) = code else {
                 let is_last = at >= bytes.len() || bytes[at..].trim_ascii().is_empty();
                 if self.pairs.is_empty() {
-                    return Err(PatternReadError::NotDxf { seems: appearance(bytes) });
+                    return Err(PatternReadError::NotDxf { found: appearance(bytes) });
                 } else if is_last {
                     break;
                 }
@@ -192,7 +192,7 @@ impl Scan<'_> {
             }
         }
         if self.pairs.is_empty() {
-            return Err(PatternReadError::NotDxf { seems: appearance(bytes) });
+            return Err(PatternReadError::NotDxf { found: appearance(bytes) });
         }
         Err(PatternReadError::Truncated { spot: Spot::Line(line) })
     }
@@ -278,10 +278,10 @@ pub(super) fn kind_of(code: i32) -> Option<Kind> {
 fn appearance(bytes: &[u8]) -> String {
     let text = bytes.trim_ascii_start();
     let seems = match bytes {
-        _ if text.is_empty() => "an empty file",
+        _ if text.is_empty() => return "it is empty".into(),
         _ if bytes.starts_with(b"AC10") => {
             let version = String::from_utf8_lossy(&bytes[..6.min(bytes.len())]);
-            return format!("a DWG file ({version}); DXF is needed");
+            return format!("it seems to be a DWG file ({version}); DXF is needed");
         }
         _ if bytes.starts_with(b"AutoCAD DXB") => "a DXB file",
         _ if text.starts_with(b"%PDF") => "a PDF file",
@@ -302,7 +302,7 @@ fn appearance(bytes: &[u8]) -> String {
         _ if bytes.contains(&0) => "another binary file",
         _ => "another text file",
     };
-    seems.into()
+    format!("it seems to be {seems}")
 }
 
 fn contains(bytes: &[u8], needle: &[u8]) -> bool {
@@ -336,8 +336,8 @@ mod tests {
             (b" \n\n", "empty"),
             (b"hello\nworld\n", "text"),
         ] {
-            let Err(PatternReadError::NotDxf { seems }) = scan(bytes) else { panic!("{name} was read") };
-            assert!(seems.contains(name), "{seems}");
+            let Err(PatternReadError::NotDxf { found }) = scan(bytes) else { panic!("{name} was read") };
+            assert!(found.contains(name), "{found}");
         }
     }
 
