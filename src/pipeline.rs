@@ -316,13 +316,13 @@ impl Pipeline {
         steps.at(Step::Bend);
         let bent = chords::bend(&projection, &placed, settings)
             .map_err(|error| rejected(checks::not_reached(error.at, settings)))?;
-        let shortened = chords::of_ink(&placed, &bent, settings);
+        let shortened = chords::of_ink(&placed, &bent.shortening, settings);
         let Bent { mut drawing, mut drawn, .. } = bent;
         let shortening = shortened.iter().map(|path| path.lost).sum();
-        // Without the correction, the marking program divides curves by the same tolerance.
+        // Without the correction, the marking program divides curves by the same tolerance, with points on them.
         let as_drawn = Projection { map: &LengthTrueMap::Plain, ..projection };
         let shortened_as_drawn = chords::bend(&as_drawn, &placed, settings)
-            .map_or_else(|_| Vec::new(), |bent| chords::of_ink(&placed, &bent, settings));
+            .map_or_else(|_| Vec::new(), |bent| chords::of_ink(&placed, &bent.inscribed, settings));
         clock.lap("bend");
         let on_part = tiles.is_none().then_some((map, surface));
         let content =

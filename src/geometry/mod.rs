@@ -27,6 +27,7 @@ pub mod pattern;
 pub mod contour;
 pub mod ink;
 pub mod relief;
+mod chords;
 pub mod close_lines;
 mod divided;
 pub mod ink_mesh;

@@ -19,9 +19,9 @@ pub(super) fn bend(
     projection.bend(placed, fill::tolerance(settings), subdivision)
 }
 
-/// The shortening of those paths of a bent drawing that are ink.
-pub(super) fn of_ink(placed: &Pattern, bent: &Bent, settings: &JobSettings) -> Vec<Shortening> {
-    let ink = placed.paths.iter().zip(&bent.shortening).filter(|(path, _)| {
+/// What the chords of a bent drawing cost, of those paths that are ink.
+pub(super) fn of_ink(placed: &Pattern, chords: &[Shortening], settings: &JobSettings) -> Vec<Shortening> {
+    let ink = placed.paths.iter().zip(chords).filter(|(path, _)| {
         placed.layers.get(path.layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))
     });
     ink.map(|(_, shortening)| *shortening).filter(|shortening| shortening.lost > 0.0).collect()

@@ -254,7 +254,7 @@ fn row(
                 Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
             let bent = chords::bend(&projection, pattern, settings)
                 .map_err(|error| checks::not_reached(error.at, settings))?;
-            distortion.shorten(chords::of_ink(pattern, &bent, settings));
+            distortion.shorten(chords::of_ink(pattern, &bent.shortening, settings));
             Ok((map, distortion))
         });
     match results {

@@ -46,12 +46,13 @@ pub struct Distortion {
     pub uncertain: Uncertain,
 }
 
-/// By how much the marked polyline of a path is shorter on the part than the drawn curve, because chords are shorter than arcs.
+/// By how much the chords of a marked polyline differ in length from the pieces of the drawn curve that they replace. Chords
+/// with their ends on the curve are shorter.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Shortening {
-    /// Of the whole path, mm.
+    /// The sum over the path, mm.
     pub lost: f64,
-    /// The largest share that one chord is shorter than its arc.
+    /// The largest difference of one chord, as a share of its piece of the curve.
     pub largest_share: f64,
 }
 
@@ -415,7 +416,7 @@ fn choose(distortion: &Distortion, blocks: &[(Block, Measured)]) -> Vec<bool> {
 }
 
 impl Distortion {
-    /// Adds the shortening by chords, for each path.
+    /// Adds the differences of chords, for each path.
     ///
     /// The map may shorten the same pieces, so that both add up in the estimate from above.
     pub fn shorten(&mut self, paths: impl IntoIterator<Item = Shortening>) {
@@ -423,11 +424,12 @@ impl Distortion {
         for path in paths {
             self.length_error += path.lost;
             most = most.max(path.largest_share);
-            // No chord loses a larger share.
+            // No chord differs by a larger share.
             squares += path.lost * path.largest_share;
         }
         self.stretch_range[0] -= most;
-        self.max_stretch = self.max_stretch.max(-self.stretch_range[0]);
+        self.stretch_range[1] += most;
+        self.max_stretch = self.max_stretch.max(self.stretch_range[1]).max(-self.stretch_range[0]);
         if self.length > 0.0 {
             self.rms_stretch += (squares / self.length).sqrt();
         }
