@@ -318,7 +318,7 @@ impl Pipeline {
             .map_err(|error| rejected(checks::not_reached(error.at, settings)))?;
         let shortened = chords::of_ink(&placed, &bent.shortening, settings);
         let Bent { mut drawing, mut drawn, .. } = bent;
-        let shortening = shortened.iter().map(|path| path.lost).sum();
+        let shortening = shortened.iter().fold(0.0, |sum, path| sum + path.lost);
         // Without the correction, the marking program divides curves by the same tolerance, with points on them.
         let as_drawn = Projection { map: &LengthTrueMap::Plain, ..projection };
         let shortened_as_drawn = chords::bend(&as_drawn, &placed, settings)

@@ -401,7 +401,7 @@ pub struct OutputReport {
     pub vertices: usize,
     /// Its bounding rectangle in the field: left, bottom, right, top, mm.
     pub extents_mm: [f64; 4],
-    /// By how much the lines on the part are shorter than drawn because curves are marked as chords, mm; a part of e_l.
+    /// By how much the chords of curves differ in length from the curves that they replace, mm, summed; a part of e_l.
     #[serde(default)]
     pub shortening_mm: f64,
     /// Whether a second reader checked that the written file contains the intended drawing.
