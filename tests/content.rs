@@ -645,3 +645,22 @@ fn a_station_takes_the_values_beside_the_drawing() {
     let reason = desk.text("line/rejected/plate@0018.dxf.reason.txt");
     assert!(reason.contains("`{serial:04}` has no value"), "{reason}");
 }
+
+/// A code beside a serial number whose text gets wider: the code has the same place on every product.
+#[test]
+fn what_is_the_same_on_all_products_keeps_its_place() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&(rectangle("DM", [12.0, 12.0], 0.0) + &text("MARK", "N{serial}"))));
+    let corner = |serial: &str| {
+        let code = codes("data-matrix", "constant", "");
+        let options = [AS_DRAWN, &["--place", "7,9", "--set", &code, "--content", serial]].concat();
+        let (report, pattern) = corrected(&desk, &["plate.obj", "label.dxf"], &options);
+        let layer = |path: &&isomark::geometry::pattern::Path| pattern.layers[path.layer].name == "DM";
+        let points = pattern.paths.iter().filter(layer).flat_map(|path| path.shape.flattened(0.01));
+        let corner = points.fold([f64::MAX; 2], |low, at| [low[0].min(at.x), low[1].min(at.y)]);
+        (corner, report["placement"]["anchor_mm"].clone())
+    };
+    let short = corner("serial=9");
+    assert_eq!(short, corner("serial=123456789"));
+}

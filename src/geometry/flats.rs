@@ -23,6 +23,11 @@ const PRIOR: f64 = 1e-3;
 /// If a normal deviates from that of its widest plane by less than this share of the narrow facets' turn, it is
 /// replaced by the plane's normal: the difference is within the third-order error of the chords.
 const MIN_LEAN: f64 = 0.15;
+/// The facets of a tessellation leave the part by about the same distance everywhere. A plane that is surrounded by narrow facets
+/// is flat where its normal would make it bulge so many times as far as these.
+const IMPLAUSIBLE: f64 = 6.0;
+/// The share of its boundary on which a plane has narrow neighbours if it is surrounded by them.
+const SURROUNDED: f64 = 0.9;
 
 /// Groups of coplanar triangles that continue each other.
 struct Planes {
@@ -38,21 +43,27 @@ struct Planes {
     are_slivers: Vec<bool>,
 }
 
-/// Corrects the normals that are `estimated` at vertices of the `chosen` triangles ([`round_bent_ones`]) where
-/// facets of very different width continue each other; of these only those that are `is_open`, because the others are known
-/// better (`smooth_mesh::arcs`). Returns for each triangle how far the part may be from its
+/// The vertices with estimated normals.
+pub(super) struct Estimated<'a> {
+    /// All of them.
+    pub(super) all: &'a [bool],
+    /// Those of which nothing better is known (`smooth_mesh::arcs`).
+    pub(super) open: &'a [bool],
+    /// Those that stand at right angles to a straight side (`smooth_mesh::long_sides`).
+    pub(super) straight: &'a [bool],
+}
+
+/// Corrects normals that are estimated and open at vertices of the `chosen` triangles ([`round_bent_ones`]) where
+/// facets of very different width continue each other. Those beside a straight side change only if they belong to a flat side:
+/// narrow facets with irregular corners would turn them away from it. Returns for each triangle how far the part may be from its
 /// curved patch, mm: where the file's normals contradict those derived from the narrow facets. Empty if there is no
 /// contradiction.
 ///
 /// The derived normal meets the chords to the surrounding vertices at the same angles as the normals at their other
 /// ends, in the least-squares sense, with more weight on short chords. A vertex without a neighbour among even
 /// vertices gets the normal of its widest plane, if that plane has more than one triangle.
-pub(super) fn lead_across(
-    mesh: &mut SmoothMesh,
-    estimated: &[bool],
-    is_open: &[bool],
-    chosen: &[bool],
-) -> Vec<f64> {
+pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chosen: &[bool]) -> Vec<f64> {
+    let is_open = estimated.open;
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
     let spans = Span::of_vertices(mesh, &planes);
     let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| spans[vertex].is_uneven()).collect();
@@ -67,7 +78,7 @@ pub(super) fn lead_across(
     }
     let sides = sides_of(mesh, &uneven);
     let known = |&vertex: &usize| {
-        if estimated[vertex] && !is_open[vertex] {
+        if estimated.all[vertex] && !is_open[vertex] {
             return Some(mesh.normals[vertex]);
         }
         let first = sides.partition_point(|side| (side[0] as usize) < vertex);
@@ -78,11 +89,16 @@ pub(super) fn lead_across(
     let derived: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
     let mut deviations = vec![0.0f64; spans.len()];
     let mut is_flat = vec![false; planes.normals.len()];
+    let is_surrounded = planes.are_surrounded(mesh);
     for (&vertex, derived) in uneven.iter().zip(derived) {
         let span = &spans[vertex];
         let widest = span.widest as usize;
         let flat = planes.normals[widest];
-        let leaning = derived.filter(|derived| derived.angle(&flat) >= MIN_LEAN * span.turn);
+        let leaning = derived.filter(|derived| {
+            let angle = derived.angle(&flat);
+            let is_plausible = || angle * span.width <= IMPLAUSIBLE * span.turn * span.narrowest;
+            angle >= MIN_LEAN * span.turn && (!is_surrounded[widest] || is_plausible())
+        });
         // A face of several triangles can be flat. A single triangle may be a long chord of a curved surface, unless
         // the derived normal shows that it is flat.
         if !planes.are_divided[widest] && (derived.is_none() || leaning.is_some()) {
@@ -91,8 +107,10 @@ pub(super) fn lead_across(
         is_flat[widest] |= leaning.is_none();
         let normal = leaning.unwrap_or(flat);
         if is_open[vertex] {
-            mesh.normals[vertex] = normal;
-        } else if !estimated[vertex] && derived.is_some() {
+            if leaning.is_none() || !estimated.straight[vertex] {
+                mesh.normals[vertex] = normal;
+            }
+        } else if !estimated.all[vertex] && derived.is_some() {
             deviations[vertex] = mesh.normals[vertex].angle(&normal);
         }
     }
@@ -211,6 +229,27 @@ pub(super) fn derived_normal(
 }
 
 impl Planes {
+    /// Whether nearly all neighbours of each plane are much narrower than it; a strip of a cylinder has others like it.
+    fn are_surrounded(&self, mesh: &SmoothMesh) -> Vec<bool> {
+        let mut boundaries = vec![[0.0; 2]; self.normals.len()];
+        for side in 0..mesh.continued.len() {
+            let (plane, other) = (self.of_triangle[side / 3], mesh.continued[side]);
+            if plane == NONE || other == NONE {
+                continue;
+            }
+            let other = self.of_triangle[other as usize / 3];
+            if other != plane {
+                let [from, to] = mesh.ends(side);
+                let length = (to - from).norm();
+                let is_narrow =
+                    other != NONE && self.widths[plane as usize] > UNEVEN * self.widths[other as usize];
+                boundaries[plane as usize][0] += length;
+                boundaries[plane as usize][1] += if is_narrow { length } else { 0.0 };
+            }
+        }
+        boundaries.into_iter().map(|[whole, narrow]| narrow > SURROUNDED * whole).collect()
+    }
+
     /// The planes of the `chosen` triangles; other triangles belong to one of these planes or to none.
     fn of(mesh: &SmoothMesh, chosen: impl Fn(usize) -> bool) -> Self {
         let corners = |triangle: usize| mesh.triangles[triangle].map(|index| mesh.positions[index as usize]);

@@ -38,6 +38,9 @@ const VOTE_SHARE: f64 = 0.25;
 /// The share of the normals between bent facets that must be averages before the estimate is computed at all.
 const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 
+/// From this share on, averages are no accident: exact normals differ from them at least where arcs end.
+const ALL_AVERAGES: f64 = 0.95;
+
 /// A normal whose angle to its facet has a smaller cosine than this (78°) is unrelated to it.
 const UNRELATED: f64 = 0.2;
 /// The share of the visible area with unrelated normals above which none of the normals is trusted.
@@ -114,13 +117,17 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
     let matches = |averages: &[Averages], weighting: usize| {
         averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
     };
+    let surface_ends: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
     let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(&averages, weighting)) else {
         return false;
     };
-    if averages.is_empty()
-        || (matches(&averages, weighting) as f64) < MIN_SHARE_OF_AVERAGES * averages.len() as f64
-    {
+    let share = matches(&averages, weighting) as f64 / averages.len() as f64;
+    // Without averages the share is not a number.
+    if !(share >= MIN_SHARE_OF_AVERAGES) {
         return false;
+    }
+    if share >= ALL_AVERAGES && surface_ends == 0 {
+        return true;
     }
     let (smooth, part) = match whole {
         Some(smooth) => (smooth, None),
@@ -135,7 +142,7 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
         }
     };
     let mut shading = 0usize;
-    let mut surface: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
+    let mut surface = surface_ends;
     for there in &averages {
         let triangle = there.corner / 3;
         let Some(triangle) = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok())

@@ -106,12 +106,24 @@ impl Pipeline {
                 error => rejected(error.reason()),
             })?;
         content::check_fields(&facts).map_err(rejected)?;
+        let center = |pattern: &Pattern| pattern.extents().center().into();
+        let anchor = match settings.placement.anchor {
+            // Other values have other widths. What is the same on all products must have the same place.
+            Anchor::Center if !facts.fields.is_empty() => {
+                let as_written = PatternOptions { content: None, ..options };
+                pattern::read(input.bytes, &as_written)
+                    .map_or_else(|_| center(&pattern), |as_written| center(&as_written.pattern))
+            }
+            Anchor::Center => center(&pattern),
+            Anchor::Origin => FlatPoint::new(0.0, 0.0),
+            Anchor::At(point) => point,
+        };
         let mut notices = Vec::new();
         let codes = content::draw_codes(&mut pattern, &settings.content, &mut notices).map_err(rejected)?;
         clock.lap("read pattern");
         steps.at(Step::Place);
         let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-        let placing = Placing { codes, notices, ..Placing::new(&pattern, settings) };
+        let placing = Placing { codes, notices, ..Placing::new(anchor, settings) };
         let placed = pattern.transformed(&placing.motion);
         drop(pattern);
         let length = checks::reach(&placed, is_ink, part).map_err(|reason| {
@@ -147,12 +159,7 @@ pub(super) struct Placing {
 }
 
 impl Placing {
-    fn new(pattern: &Pattern, settings: &JobSettings) -> Self {
-        let anchor = match settings.placement.anchor {
-            Anchor::Center => pattern.extents().center().into(),
-            Anchor::Origin => FlatPoint::new(0.0, 0.0),
-            Anchor::At(point) => point,
-        };
+    fn new(anchor: FlatPoint, settings: &JobSettings) -> Self {
         let place = settings.placement.place.map(|place| place.coords());
         let place = match &settings.part.view_source {
             ViewSource::Station | ViewSource::Sides => place.map_or(anchor, FlatPoint::from),

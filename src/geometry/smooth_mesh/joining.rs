@@ -14,9 +14,11 @@ use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, refined_normal};
 use crate::geometry::space::View;
 
-/// The same where the file's normals were averaged to look smooth: that the facets of an octagonal prism were meant to be
-/// round is more likely then.
+/// The same where the file's normals were averaged to look smooth and the facets on both sides are about equally wide: that
+/// the facets of an octagonal prism were meant to be round is more likely then. A narrow facet beside a wide one is a chamfer.
 const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
+/// Facets are about equally wide if one is at most this many times as wide as the other.
+const ABOUT_AS_WIDE: f64 = 1.5;
 
 /// Tangent planes that meet at a smaller angle than this, rad, are one.
 const SAME_PLANE: f64 = 0.02;
@@ -26,6 +28,13 @@ const LEAST_ALONG: f64 = 0.5;
 const LEAST_ALONE: f64 = 0.01;
 /// An edge that leaves its side by less than this, mm, is straight.
 const LEAST_BEND: f64 = 1e-5;
+
+/// How far a triangle reaches from one of its sides, mm.
+fn width(points: [Point3<f64>; 3], side: usize) -> f64 {
+    let [from, to, far] = [0, 1, 2].map(|turn| points[(side + turn) % 3]);
+    let along = to - from;
+    along.cross(&(far - from)).norm() / along.norm()
+}
 
 /// The mesh without the triangles that are in it once more; `None` if there are no copies.
 fn without_copies(mesh: &TriMesh) -> Option<TriMesh> {
@@ -133,8 +142,12 @@ impl SmoothMesh {
             let is_smooth = if have_normals && !only_shades {
                 agree()
             } else {
-                let angle = if have_normals { SHADED_CREASE_ANGLE } else { CREASE_ANGLE };
                 let cosine = meet();
+                let is_round = have_normals && {
+                    let [one, next] = [width(points(here), side % 3), width(points(there), other % 3)];
+                    one <= ABOUT_AS_WIDE * next && next <= ABOUT_AS_WIDE * one
+                };
+                let angle = if is_round { SHADED_CREASE_ANGLE } else { CREASE_ANGLE };
                 // Estimates over facets that run in opposite ways would cancel out.
                 let is_smooth = wound_alike && cosine >= angle.cos() && (!have_normals || agree());
                 let step = [side as u32, other as u32];
@@ -273,10 +286,14 @@ impl SmoothMesh {
             }
         }
         if let Some(chosen) = flats::round_bent_ones(self) {
+            let mut is_straight = vec![false; self.normals.len()];
             if is_missing.contains(&true) {
-                long_sides::straighten(self, &is_open, &chosen);
+                for vertex in long_sides::straighten(self, &is_open, &chosen) {
+                    is_straight[vertex as usize] = true;
+                }
             }
-            self.doubts = flats::lead_across(self, &is_missing, &is_open, &chosen);
+            let estimated = flats::Estimated { all: &is_missing, open: &is_open, straight: &is_straight };
+            self.doubts = flats::lead_across(self, &estimated, &chosen);
         }
         // What has replaced an estimate is known from the arcs or flat sides that it belongs to.
         let remaining = estimates.iter().zip(&self.normals);

@@ -4,6 +4,8 @@
 //! The short ones tell where they begin to bend: a curve through the section behind the end starts in the direction of the
 //! side.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 
 use super::SmoothMesh;
@@ -25,11 +27,22 @@ const FAR: f64 = 0.8;
 const LEAST_PIECES: usize = 3;
 /// A side is straight where it would be flatter than the section behind its end by this factor.
 const FLATTER: f64 = 0.04;
+/// The chords of a tessellation leave the part by about the same distance everywhere. A side is straight where it would bulge so
+/// many times as far as all others at its end.
+const IMPLAUSIBLE: f64 = 6.0;
+/// Sides nearer to the direction of a side than this, as a cosine, are diagonals beside it and would bulge as far.
+const ALONGSIDE: f64 = 0.5;
+/// Sides are parallel and equally long if they differ by less than this share of their length. The chords of two rings round a
+/// fillet are parallel, too, but not as long.
+const PARALLEL: f64 = 1e-4;
+/// Parallel sides from a straight one on, at most.
+const MOST_PARALLEL: usize = 32;
 /// Sides at one vertex that can be straight: a plane is held by two.
 const MOST_SIDES: usize = 2;
 
-/// Turns the `estimated` normals at the ends of straight sides of the `chosen` triangles to a right angle with them.
-pub(super) fn straighten(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bool]) {
+/// Turns the `estimated` normals at the ends of straight sides of the `chosen` triangles to a right angle with them; returns the
+/// vertices.
+pub(super) fn straighten(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<u32> {
     let mut straight = ends_of_straight_sides(mesh, estimated, chosen);
     // The longest side of a vertex comes first.
     straight.sort_by(|one, other| {
@@ -43,6 +56,8 @@ pub(super) fn straighten(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bo
             mesh.normals[vertex] = level.try_normalize(0.0).unwrap_or(normal);
         }
     }
+    straight.dedup_by_key(|side| side.0);
+    straight.into_iter().map(|side| side.0).collect()
 }
 
 /// Each vertex that leans from a straight side, with the side from there on.
@@ -54,7 +69,7 @@ fn ends_of_straight_sides(
     let facets =
         Facets { positions: &mesh.positions, triangles: &mesh.triangles, continued: &mesh.continued };
     let normal = |side: usize| facet_normal(facets.corners(side / 3));
-    let mut straight = Vec::new();
+    let (mut straight, mut open) = (Vec::new(), Vec::new());
     for side in 0..mesh.continued.len() {
         let other = mesh.continued[side] as usize;
         if mesh.continued[side] == NONE || other < side || !chosen[side / 3] {
@@ -76,12 +91,48 @@ fn ends_of_straight_sides(
             find_round(mesh, vertex, side, |triangle, _| !contains(triangle)).is_none()
         });
         for (vertex, chord, leans) in [(ends[0], chord, leans[0]), (ends[1], -chord, leans[1])] {
-            if leans && (is_ruling || bends_from(mesh, &facets, vertex, side, chord)) {
-                straight.push((vertex, chord));
+            if !leans {
+                continue;
+            }
+            let is_straight = is_ruling
+                || bulges_alone(mesh, vertex, side, chord)
+                || bends_from(mesh, &facets, vertex, side, chord);
+            match is_straight {
+                true => straight.push((vertex, chord)),
+                false => open.push((vertex, chord, side)),
             }
         }
     }
+    add_parallel(mesh, &mut straight, open);
     straight
+}
+
+/// Adds the `open` sides that run beside a straight one, as long as it and in its direction: the sides of a cylinder are alike.
+fn add_parallel(
+    mesh: &SmoothMesh,
+    straight: &mut Vec<(u32, Vector3<f64>)>,
+    mut open: Vec<(u32, Vector3<f64>, usize)>,
+) {
+    let mut known: BTreeMap<u32, Vec<Vector3<f64>>> = BTreeMap::new();
+    straight.iter().for_each(|&(vertex, chord)| known.entry(vertex).or_default().push(chord));
+    for _ in 0..MOST_PARALLEL {
+        let is_alike = |&(vertex, chord, side): &(u32, Vector3<f64>, usize)| {
+            let alike = |other: &u32| {
+                let chords = known.get(other).into_iter().flatten();
+                chords.into_iter().any(|other| (other - chord).norm() < PARALLEL * chord.norm())
+            };
+            find_round(mesh, vertex, side, |triangle, _| mesh.triangles[triangle].iter().any(alike)).is_some()
+        };
+        let (alike, others): (Vec<_>, Vec<_>) = open.into_iter().partition(is_alike);
+        open = others;
+        if alike.is_empty() {
+            break;
+        }
+        for (vertex, chord, _) in alike {
+            known.entry(vertex).or_default().push(chord);
+            straight.push((vertex, chord));
+        }
+    }
 }
 
 /// The first of the facets round a `vertex` of a side, triangle and corner, that is wanted; of those that continue the side's.
@@ -116,6 +167,23 @@ fn find_round(
         }
     }
     None
+}
+
+/// Whether a side, `chord` from its `vertex`, would bulge much farther than the others there, of which some lead away from it.
+fn bulges_alone(mesh: &SmoothMesh, vertex: u32, side: usize, chord: Vector3<f64>) -> bool {
+    let (at, normal) = (mesh.positions[vertex as usize], mesh.normals[vertex as usize]);
+    let limit = normal.dot(&chord).abs() / IMPLAUSIBLE;
+    let mut leads_away = false;
+    let bulges = |triangle: usize, _: usize| {
+        let others = mesh.triangles[triangle].iter().map(|&other| mesh.positions[other as usize] - at);
+        let mut aside = others.filter(|other| {
+            let along = other.dot(&chord) / chord.norm();
+            leads_away |= along < -ALONGSIDE * other.norm();
+            along <= ALONGSIDE * other.norm()
+        });
+        aside.any(|other| normal.dot(&other).abs() > limit)
+    };
+    find_round(mesh, vertex, side, bulges).is_none() && leads_away
 }
 
 /// Whether the section behind a `vertex` of a side begins to bend there, in the direction of the side, `chord`, that leads from
