@@ -4,6 +4,7 @@
 //! cone. So a tile of the drawing is moved to the side that faces the laser and is corrected there like any drawing.
 
 mod cut;
+mod even;
 mod plan;
 
 use nalgebra::Vector2;
@@ -13,7 +14,7 @@ use super::pattern::{Affine, Path, Pattern, Shape};
 use super::space::FlatPoint;
 
 pub use cut::{Item, items, tile};
-pub use plan::{Cut, Limits, Tiling, plan};
+pub use plan::{Cut, Limits, Tiling, counts, plan};
 
 /// The plane of a drawing that is unrolled from a cylinder or cone. Angles are about the axis, in rad from the anchor; they
 /// grow in the direction round the axis that is nearer to the drawing's x ([`LengthTrueMap::round_angle`]).

@@ -433,13 +433,22 @@ impl<'a> Stage<'a> {
             Tiles::Count(count) => Some(count),
             Tiles::Auto | Tiles::Off => None,
         };
-        // The angles of the rotary axis are rounded.
-        let limits = Limits { widest: window.widest - 2e-5, overlap, count };
+        let incidence = &settings.optics.incidence;
+        let limits = Limits {
+            // The angles of the rotary axis are rounded.
+            widest: window.widest - 2e-5,
+            overlap,
+            count,
+            narrowest: NARROWEST,
+            // At the borders of a tile on a cylinder, the incidence is half its width.
+            gentle: 2.0 * incidence.warn.min(incidence.refuse),
+        };
         match rotary::plan(&self.spans, &limits) {
             Some(tiling) => Ok((tiling, overlap)),
             None => {
-                let needed = rotary::plan(&self.spans, &Limits { count: None, ..limits });
-                Err(checks::rotary_count(count, needed.map(|tiling| tiling.tiles.len()), window.widest))
+                let narrowest = NARROWEST.max(2.0 * overlap);
+                let possible = rotary::counts(&self.spans, &limits);
+                Err(checks::rotary_count(count, possible, [narrowest, window.widest]))
             }
         }
     }
@@ -674,6 +683,14 @@ impl TiledMark {
         if settings.part.primitive.is_none() && self.tiles.iter().any(|tile| tile.angle_deg != 0.0) {
             let message = "isomark examined only the side that faces the laser and assumes that the part is round on the others";
             notices.push(Notice::note("rotary-other-sides", message));
+        }
+        if let Some(enough) = self.tiling.enough {
+            let message = format!(
+                "{enough} tiles would be as narrow as {}, which cut contours only to reach this number; set `tiles` under \
+                 [rotary] to {enough}, or to \"auto\"",
+                self.tiles.len()
+            );
+            notices.push(Notice::warning("rotary-more-tiles", message));
         }
         if part.mark.is_some() {
             let message = "the faces named `mark` are checked as if they were the same all the way round";

@@ -1563,6 +1563,13 @@ const CODES: &[Code] = &[
         "A mark that goes round closes on itself only if the part is unrolled exactly, as a cylinder or cone.",
         "Set `method` to \"auto\", \"cylinder\" or \"cone\" under [correction], or `tiles = \"off\"` under [rotary].",
     ]),
+    notice([
+        "rotary-more-tiles",
+        "More tiles were requested than the drawing can use.",
+        "The drawing has gaps, and fewer tiles would be as narrow as those requested. Contours that fit into a tile are cut only \
+         to reach the number.",
+        "Set `tiles` under [rotary] to the number in the notice, or to \"auto\".",
+    ]),
     reason([
         "rotary-no-room",
         "The laser can mark hardly anything of the part between two turns.",
@@ -1597,7 +1604,8 @@ const CODES: &[Code] = &[
     reason([
         "rotary-tiles",
         "The drawing cannot be divided into the number of tiles that the settings ask for.",
-        "Each tile must have ink, and must not be wider than the laser can mark between two turns.",
+        "Each tile must have ink, and must not be wider than the laser can mark between two turns. Contours are not cut into pieces \
+         narrower than half a degree or than twice the overlap.",
         "Set `tiles` under [rotary] to the number in the reason, or to \"auto\".",
     ]),
     reason([

@@ -641,9 +641,57 @@ fn limits_of_the_laser_decide_how_wide_a_tile_is() {
     assert_near(&[widest("--set field.width_mm=20")], &[in_field], 0.01);
     assert_near(&[widest("--max-tile 25")], &[25.0], 1e-6);
     let tiles = |options: &str| report(&desk, part, options)["rotary"]["tiles"].as_array().unwrap().len();
-    assert_eq!([tiles("--rotary=4"), tiles("--rotary=9")], [4, 9]);
+    assert_eq!([tiles("--rotary=4"), tiles("--rotary=9"), tiles("--rotary=12 --max-tile 30.1")], [4, 9, 12]);
     // At least a fifteenth of a turn, and not more than two letters less than that.
     assert!((15..=20).contains(&tiles("--rotary --max-tile 25")));
+}
+
+#[test]
+fn a_given_number_of_tiles_is_about_even_and_cuts_no_letters() {
+    let desk = Desk::new();
+    for laser in [LASERS[0], LASERS[1]] {
+        desk.write("station.toml", laser.settings());
+        for part in &PARTS {
+            // Twelve letters of 18° in steps of 30°, between two rings.
+            desk.write("drawing.dxf", part.drawing(1.0, 12, true).dxf());
+            for count in [4, 6, 8, 12] {
+                let report =
+                    report(&desk, part, &format!("--rotary={count} --set optics.incidence_refuse_deg=75"));
+                let case = format!("{count} tiles of {}", part.options);
+                let tiles = report["rotary"]["tiles"].as_array().unwrap();
+                assert_eq!(tiles.len(), count, "{case}");
+                let even = 360.0 / count as f64;
+                for tile in tiles {
+                    let width = number(tile, "/on_part_deg/1") - number(tile, "/on_part_deg/0");
+                    let fair = if 12 % count == 0 { [1.0, 1.0] } else { [0.75, 4.0 / 3.0] };
+                    assert!(
+                        width >= fair[0] * even - 1e-3 && width <= fair[1] * even + 1e-3,
+                        "{case}: {width}"
+                    );
+                    // Half the width, and what the lens and the cone add.
+                    assert!(number(tile, "/incidence_deg") <= width / 2.0 + 16.0, "{case}: {tile:#}");
+                }
+                let lines = polylines(&desk.read("out.dxf"));
+                assert_eq!(lines.iter().filter(|(layer, _)| layer.ends_with("TEXT")).count(), 12, "{case}");
+                assert!(!notices(&report).contains(&"rotary-more-tiles"), "{case}");
+            }
+        }
+    }
+}
+
+#[test]
+fn more_tiles_than_letters_get_a_warning() {
+    let desk = Desk::new();
+    desk.write("station.toml", LASERS[0].settings());
+    let part = &PARTS[0];
+    desk.write("drawing.dxf", part.drawing(1.0, 12, false).dxf());
+    let report = |count: usize| report(&desk, part, &format!("--rotary={count}"));
+    assert!(!notices(&report(12)).contains(&"rotary-more-tiles"));
+    let warned = report(13);
+    assert!(notices(&warned).contains(&"rotary-more-tiles"));
+    let mut messages =
+        warned["notices"].as_array().unwrap().iter().map(|notice| notice["message"].to_string());
+    assert!(messages.any(|message| message.contains("12 tiles would be as narrow as 13")), "{warned:#}");
 }
 
 #[test]
@@ -668,7 +716,14 @@ fn what_cannot_go_round_is_refused_with_a_number_and_a_remedy() {
         "rotary-overlap",
         &["9.9", "overlap_mm"],
     );
-    refused("--cylinder 66,120 --rotary=2 drawing.dxf", "rotary-tiles", &["2 tiles", "at least"]);
+    refused("--cylinder 66,120 --rotary=2 drawing.dxf", "rotary-tiles", &["2 tiles", "at least 4"]);
+    // Rings of 36° have 72 pieces of half a degree.
+    desk.write("narrow.dxf", part.drawing(0.1, 4, true).dxf());
+    refused(
+        "--cylinder 66,120 --rotary=300 narrow.dxf",
+        "rotary-tiles",
+        &["300 tiles", "at most 72", "0.50 deg"],
+    );
     refused(
         "--cylinder 66,120 --rotary --method isometric drawing.dxf",
         "rotary-method",

@@ -1,5 +1,9 @@
 //! Where a drawing is cut into tiles.
 
+use std::ops::RangeInclusive;
+
+use super::even::{LEAST_ROOM, MOST_TILES, inked, most_even, widest_tiles};
+
 /// What a tile may be, rad about the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
@@ -9,6 +13,18 @@ pub struct Limits {
     pub overlap: f64,
     /// The number of tiles; `None` for as few as possible.
     pub count: Option<usize>,
+    /// A given number of tiles does not cut contours into narrower pieces than this.
+    pub narrowest: f64,
+    /// Tiles up to this width may be twice as wide as others if the number of tiles is given and no contour is cut then that
+    /// fits into one.
+    pub gentle: f64,
+}
+
+impl Limits {
+    /// The widest tile without the overlap.
+    fn usable(&self) -> f64 {
+        self.widest - self.overlap
+    }
 }
 
 /// The border between two tiles.
@@ -27,15 +43,33 @@ pub struct Tiling {
     pub cuts: Vec<Cut>,
     /// The smallest and the largest angle of the ink of each tile, rad, with overlaps.
     pub tiles: Vec<[f64; 2]>,
+    /// The number of tiles that would be enough for tiles as narrow as these, if contours that fit into a tile are cut only
+    /// because more were given.
+    pub enough: Option<usize>,
 }
 
 /// Number of places at which a cut is tried.
 const PLACES: f64 = 1440.0;
 const MOST_PLACES: f64 = 6000.0;
-/// Maximum number of tiles.
-const MOST_TILES: usize = 400;
-/// A stretch of angles in which a cut meets the same contours must be wider than this, rad.
-const LEAST_ROOM: f64 = 1e-9;
+/// With a given number of tiles, a tile may be wider than in the most even division by these factors, so that cuts get into
+/// gaps; the incidence at its borders grows by about the same. By this factor for any contour that fits into a tile.
+const NEARLY_EVEN: f64 = 1.15;
+/// By this factor for contours that are at most half as wide as the tiles: then a gap is near every even border.
+const WIDER: f64 = 4.0 / 3.0;
+/// By this factor if the tiles are still gentle ([`Limits::gentle`]) and no contour is cut then that fits into one.
+const WIDER_IF_GENTLE: f64 = 2.0;
+/// A tile that ends at a cut contour and is narrower than this share of the widest tile of the most even division is a
+/// sliver. A contour that is too wide for one tile by [`WIDER`] can always be cut into pieces that are not.
+const SLIVER: f64 = 0.4;
+
+/// Price of a cut through contours that fit into a tile, in squared widths of an even tile. Moving one border from its even
+/// position by a quarter of a tile costs the same; a gap is nearer if no contour is wider than half a tile.
+const CUT: f64 = 0.125;
+/// Price of each of these contours, up to [`MOST_CONTOURS`]: more are equally far from a gap.
+const CONTOUR: f64 = 0.01;
+const MOST_CONTOURS: u32 = 4;
+/// Price of a cut through contours that have to be cut somewhere.
+const LONG_CUT: f64 = 0.02;
 
 /// A place for a cut.
 #[derive(Debug, Clone, Copy)]
@@ -45,6 +79,10 @@ struct Place {
     room: [f64; 2],
     /// Numbers of cut contours: those that fit into a tile, and those that have to be cut somewhere.
     cuts: [u32; 2],
+    /// The same where they matter more than even tiles do.
+    first: [u32; 2],
+    /// What they cost otherwise, as a squared width.
+    price: f64,
 }
 
 impl Place {
@@ -53,64 +91,185 @@ impl Place {
     }
 
     /// Where the ink after the place begins.
-    fn first(&self) -> f64 {
+    fn ink_after(&self) -> f64 {
         if self.is_through_ink() { self.at } else { self.room[1] }
     }
 
     /// Where the ink before the place ends.
-    fn last(&self) -> f64 {
+    fn ink_before(&self) -> f64 {
         if self.is_through_ink() { self.at } else { self.room[0] }
     }
 }
 
-/// What a division costs: the numbers of cut contours, and the sum of the squared widths.
-type Cost = ([u32; 2], f64);
+/// What matters more if tiles become uneven without cut contours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Priority {
+    WholeContours,
+    EvenTiles,
+}
+
+/// What a division costs: the number of slivers, those of cut contours, and the sum of the squared widths and prices.
+type Cost = (u32, [u32; 2], f64);
 
 fn is_cheaper(one: &Cost, other: &Cost) -> bool {
-    one.0.cmp(&other.0).then(one.1.total_cmp(&other.1)).is_lt()
+    (one.0, one.1).cmp(&(other.0, other.1)).then(one.2.total_cmp(&other.2)).is_lt()
 }
 
 /// Divides contours, given by the angles at which they begin and end (rad), into tiles. Contours that fit into a tile are
 /// cut as seldom as possible, then there are as few tiles as possible, and they are spread evenly.
 ///
-/// `None` if there are no contours, or no division keeps to the limits.
+/// With a given number of tiles, they are about as wide as in the most even division: cuts are in gaps as far as tiles
+/// become neither slivers nor wider than that by a third, or twice as wide and still gentle.
+///
+/// `None` if there are no contours, or no division keeps to the limits; see [`counts`].
 pub fn plan(spans: &[[f64; 2]], limits: &Limits) -> Option<Tiling> {
-    let start = spans.iter().map(|span| span[0]).fold(f64::INFINITY, f64::min);
-    let end = spans.iter().map(|span| span[1]).fold(f64::NEG_INFINITY, f64::max);
+    let inked = inked(spans);
+    let (start, end) = (inked.first()?[0], inked.last()?[1]);
     let whole = end - start;
     if !whole.is_finite() {
         return None;
     }
     if whole <= limits.widest && limits.count.is_none_or(|count| count == 1) {
-        return Some(Tiling { cuts: Vec::new(), tiles: vec![[start, end]] });
+        return Some(Tiling { cuts: Vec::new(), tiles: vec![[start, end]], enough: None });
     }
-    let widest = limits.widest - limits.overlap;
+    let widest = limits.usable();
     if widest <= 0.0 {
         return None;
     }
-    let places = places(spans, [start, end], widest);
-    let most = match limits.count {
-        Some(count) => count.min(MOST_TILES),
-        None => MOST_TILES.min(2 * (whole / widest).ceil() as usize + 2),
+    let Some(count) = limits.count else {
+        let chosen = as_few_as_possible(spans, &inked, widest)?;
+        return Some(tiling(&spread(&chosen), limits.overlap, None));
     };
-    let chosen = divided(&places, widest, most, limits.count)?;
-    Some(tiling(spread(&places, &chosen), limits.overlap))
+    if !counts(spans, limits)?.contains(&count) {
+        return None;
+    }
+    let chosen = spread(&as_many_as_given(spans, &inked, limits, count)?);
+    let even = most_even(&inked, count);
+    let enough = widest_tiles(&inked, even).len();
+    let is_vain = enough < count && cut_contours(&chosen, spans, even) > 0;
+    Some(tiling(&chosen, limits.overlap, is_vain.then_some(enough)))
 }
 
-/// Places for cuts in rising order, with the start and the end of the ink.
-fn places(spans: &[[f64; 2]], [start, end]: [f64; 2], widest: f64) -> Vec<Place> {
+/// The numbers of tiles into which [`plan`] can divide contours: from those with the widest tiles to those whose pieces of
+/// contours are not narrower than the limits allow. `None` if there are no contours, or the overlap leaves no room.
+pub fn counts(spans: &[[f64; 2]], limits: &Limits) -> Option<RangeInclusive<usize>> {
+    let inked = inked(spans);
+    let widest = limits.usable();
+    if inked.is_empty() || widest <= 0.0 {
+        return None;
+    }
+    let whole = inked.last()?[1] - inked.first()?[0];
+    let least = if whole <= limits.widest { 1 } else { widest_tiles(&inked, widest + LEAST_ROOM).len() };
+    // Neighbours of a tile that is narrower than half the overlap would mark each other's ink.
+    let narrowest = limits.narrowest.max(2.0 * limits.overlap).min(widest);
+    let pieces = |[from, to]: &[f64; 2]| (((to - from + LEAST_ROOM) / narrowest) as usize).max(1);
+    let most = inked.iter().map(pieces).fold(0, usize::saturating_add);
+    (least <= MOST_TILES).then(|| least..=most.max(least).min(MOST_TILES))
+}
+
+/// The chosen places of as few tiles as possible, with start and end.
+fn as_few_as_possible(spans: &[[f64; 2]], inked: &[[f64; 2]], widest: f64) -> Option<Vec<Place>> {
+    let whole = inked.last()?[1] - inked.first()?[0];
+    let most = MOST_TILES.min(2 * (whole / widest).ceil() as usize + 2);
+    let (chosen, _) = divided(&places(spans, [widest, widest], &[]), [0.0, widest], most, None)?;
+    let count = chosen.len() - 1;
+    let narrow = SLIVER * most_even(inked, count);
+    if chosen.windows(2).any(|pair| is_sliver(&pair[0], &pair[1], narrow)) {
+        // Contours that are cut somewhere anyway are not worth slivers.
+        if let Some((others, (slivers, _, _))) =
+            evenly(spans, inked, [widest, widest], count, Priority::WholeContours)
+            && slivers == 0
+            && cut_contours(&others, spans, widest) <= cut_contours(&chosen, spans, widest)
+        {
+            return Some(others);
+        }
+    }
+    Some(chosen)
+}
+
+/// The chosen places of `count` tiles, with start and end.
+fn as_many_as_given(
+    spans: &[[f64; 2]],
+    inked: &[[f64; 2]],
+    limits: &Limits,
+    count: usize,
+) -> Option<Vec<Place>> {
+    let even = most_even(inked, count);
+    let most = limits.usable().max(even + LEAST_ROOM);
+    let wider = |factor: f64| (even * factor).max(limits.narrowest).min(most);
+    let [nearly_even, wide] = [NEARLY_EVEN, WIDER].map(wider);
+    let gentle = wider(WIDER_IF_GENTLE).min(limits.gentle - limits.overlap);
+    let with_whole_contours = |widest: f64| {
+        let (chosen, (slivers, cut, _)) =
+            evenly(spans, inked, [nearly_even, widest], count, Priority::WholeContours)?;
+        (slivers == 0 && cut[0] == 0).then_some(chosen)
+    };
+    if let Some(chosen) = with_whole_contours(nearly_even) {
+        return Some(chosen);
+    }
+    let (chosen, _) = evenly(spans, inked, [even / 2.0, wide], count, Priority::EvenTiles)?;
+    if gentle > wide
+        && cut_contours(&chosen, spans, even) > 0
+        && let Some(whole) = with_whole_contours(gentle)
+    {
+        return Some(whole);
+    }
+    Some(chosen)
+}
+
+/// The number of cut contours up to the width `fits`.
+fn cut_contours(chosen: &[Place], spans: &[[f64; 2]], fits: f64) -> usize {
+    let is_cut = |[from, to]: &[f64; 2]| chosen.iter().any(|place| *from < place.at && place.at < *to);
+    spans.iter().filter(|span| span[1] - span[0] <= fits + LEAST_ROOM && is_cut(span)).count()
+}
+
+/// The chosen places of `count` tiles without slivers, with start and end, and what they cost. Contours up to the width
+/// `fits` are cut as seldom as possible, or as far as even tiles allow; a cut through several wider ones is as good as one
+/// through a single one.
+fn evenly(
+    spans: &[[f64; 2]],
+    inked: &[[f64; 2]],
+    [fits, widest]: [f64; 2],
+    count: usize,
+    priority: Priority,
+) -> Option<(Vec<Place>, Cost)> {
+    let even = most_even(inked, count);
+    let mut places = places(spans, [fits, widest], &widest_tiles(inked, even));
+    for place in &mut places {
+        place.first = [if priority == Priority::WholeContours { place.cuts[0] } else { 0 }, 0];
+        let price = match place.cuts {
+            [0, 0] => 0.0,
+            [0, _] => LONG_CUT,
+            [fitting, _] => CUT + CONTOUR * f64::from(fitting.min(MOST_CONTOURS)),
+        };
+        place.price = price * even * even;
+    }
+    divided(&places, [SLIVER * even, widest], count, Some(count))
+}
+
+/// Whether the tile between two places ends at a cut contour and is narrower than `narrow`, rad. A narrow tile between gaps
+/// has whole contours, which are as narrow in the drawing.
+fn is_sliver(from: &Place, to: &Place, narrow: f64) -> bool {
+    to.ink_before() - from.ink_after() < narrow && (from.is_through_ink() || to.is_through_ink())
+}
+
+/// Places for cuts in rising order, with the start and the end of the ink, for tiles up to the width `widest` and whole
+/// contours up to the width `fits`; also those at `wanted` angles in rising order, where contours are there.
+fn places(spans: &[[f64; 2]], [fits, widest]: [f64; 2], wanted: &[f64]) -> Vec<Place> {
+    let start = spans.iter().map(|span| span[0]).fold(f64::INFINITY, f64::min);
+    let end = spans.iter().map(|span| span[1]).fold(f64::NEG_INFINITY, f64::max);
     let mut events: Vec<(f64, [i32; 2])> = Vec::with_capacity(2 * spans.len());
     for [from, to] in spans {
-        let fits = to - from <= widest;
-        let step = if fits { [1, 0] } else { [0, 1] };
+        let step = if to - from <= fits { [1, 0] } else { [0, 1] };
         events.push((*from, step));
         events.push((*to, step.map(|count: i32| -count)));
     }
     events.sort_by(|a, b| a.0.total_cmp(&b.0));
     let count = PLACES.max(8.0 * (end - start) / widest).min(MOST_PLACES);
     let size = (end - start) / count;
-    let fixed = |at| Place { at, room: [at, at], cuts: [0, 0] };
+    let fixed = |at| Place { at, room: [at, at], cuts: [0, 0], first: [0, 0], price: 0.0 };
     let mut places: Vec<Place> = vec![fixed(start)];
+    let mut exact: Vec<Place> = Vec::new();
     let mut open = [0i32; 2];
     for pair in events.windows(2) {
         open = [open[0] + pair[0].1[0], open[1] + pair[0].1[1]];
@@ -119,6 +278,11 @@ fn places(spans: &[[f64; 2]], [start, end]: [f64; 2], widest: f64) -> Vec<Place>
             continue;
         }
         let cuts = open.map(|count| count.max(0) as u32);
+        if cuts != [0, 0] {
+            let from = wanted.partition_point(|at| *at <= room[0] + LEAST_ROOM);
+            let inside = wanted[from..].iter().take_while(|at| **at < room[1] - LEAST_ROOM);
+            exact.extend(inside.map(|at| Place { at: *at, room, cuts, first: cuts, price: 0.0 }));
+        }
         let cell = |at: f64| ((at - start) / size).floor();
         let (first, last) = (cell(room[0]), cell(room[1]));
         for number in 0..=(last - first) as usize {
@@ -126,12 +290,16 @@ fn places(spans: &[[f64; 2]], [start, end]: [f64; 2], widest: f64) -> Vec<Place>
             let from = room[0].max(start + number * size);
             let to = room[1].min(start + (number + 1.0) * size);
             if to - from > LEAST_ROOM {
-                let place = Place { at: f64::midpoint(from, to), room, cuts };
+                let place = Place { at: f64::midpoint(from, to), room, cuts, first: cuts, price: 0.0 };
                 keep_best(&mut places, place, |at| cell(at) == number);
             }
         }
     }
     places.push(fixed(end));
+    if !exact.is_empty() {
+        places.extend(exact);
+        places.sort_by(|a, b| a.at.total_cmp(&b.at));
+    }
     places
 }
 
@@ -148,9 +316,14 @@ fn keep_best(places: &mut Vec<Place>, place: Place, is_in_cell: impl Fn(f64) -> 
     }
 }
 
-/// The indices of the chosen places, without start and end: the cheapest division into at most `most` tiles, or into
-/// `exactly` that many.
-fn divided(places: &[Place], widest: f64, most: usize, exactly: Option<usize>) -> Option<Vec<usize>> {
+/// The chosen places, with start and end: the cheapest division into at most `most` tiles, or into `exactly` that many, and
+/// what it costs. Narrower tiles than `narrow` at cut contours are slivers.
+fn divided(
+    places: &[Place],
+    [narrow, widest]: [f64; 2],
+    most: usize,
+    exactly: Option<usize>,
+) -> Option<(Vec<Place>, Cost)> {
     let end = places.len() - 1;
     // For each number of tiles and each place: the cheapest division of the ink before it, and the place before.
     let mut rows: Vec<Vec<Option<(Cost, usize)>>> = Vec::new();
@@ -160,17 +333,19 @@ fn divided(places: &[Place], widest: f64, most: usize, exactly: Option<usize>) -
         let mut row: Vec<Option<(Cost, usize)>> = vec![None; places.len()];
         for to in 1..=end {
             for from in (0..to).rev() {
-                let width = places[to].last() - places[from].first();
+                let width = places[to].ink_before() - places[from].ink_after();
                 if width > widest {
                     break;
                 }
                 let so_far = match before {
-                    None => (from == 0).then_some(([0, 0], 0.0)),
+                    None => (from == 0).then_some((0, [0, 0], 0.0)),
                     Some(row) => row[from].map(|(cost, _)| cost),
                 };
-                let Some((cuts, squares)) = so_far.filter(|_| width >= 0.0) else { continue };
-                let cuts = [cuts[0] + places[to].cuts[0], cuts[1] + places[to].cuts[1]];
-                let cost = (cuts, squares + width * width);
+                let Some((slivers, cuts, squares)) = so_far.filter(|_| width >= 0.0) else { continue };
+                let Place { first, price, .. } = &places[to];
+                let cuts = [cuts[0] + first[0], cuts[1] + first[1]];
+                let slivers = slivers + u32::from(is_sliver(&places[from], &places[to], narrow));
+                let cost = (slivers, cuts, squares + width * width + price);
                 if row[to].is_none_or(|(known, _)| is_cheaper(&cost, &known)) {
                     row[to] = Some((cost, from));
                 }
@@ -180,31 +355,28 @@ fn divided(places: &[Place], widest: f64, most: usize, exactly: Option<usize>) -
         rows.push(row);
         let Some(cost) = reached.filter(|_| exactly.is_none_or(|exactly| exactly == count)) else { continue };
         // A contour that fits into a tile is worth another tile, one that does not is not.
-        if best.is_none_or(|(known, _)| cost.0[0] < known.0[0]) {
+        if best.is_none_or(|(known, _)| cost.1[0] < known.1[0]) {
             best = Some((cost, count));
         }
-        if cost.0[0] == 0 {
+        if cost.1[0] == 0 {
             break;
         }
     }
-    let (_, count) = best?;
-    let mut chosen = Vec::with_capacity(count);
+    let (cost, count) = best?;
+    let mut chosen = vec![places[end]];
     let mut at = end;
     for row in rows[..count].iter().rev() {
         at = row[at]?.1;
-        chosen.push(at);
+        chosen.push(places[at]);
     }
-    chosen.pop();
     chosen.reverse();
-    Some(chosen)
+    Some((chosen, cost))
 }
 
-/// The chosen places with start and end, moved within their room: to the middle of a gap, and otherwise so that neighbouring
-/// tiles become equally wide.
-fn spread(places: &[Place], chosen: &[usize]) -> Vec<Place> {
-    let ends = [0, places.len() - 1];
-    let mut spread: Vec<Place> =
-        [&ends[..1], chosen, &ends[1..]].concat().into_iter().map(|index| places[index]).collect();
+/// The chosen places, moved within their room: to the middle of a gap, and otherwise so that neighbouring tiles become
+/// equally wide.
+fn spread(chosen: &[Place]) -> Vec<Place> {
+    let mut spread: Vec<Place> = chosen.to_vec();
     let inner = 1..spread.len() - 1;
     for index in inner.clone() {
         if !spread[index].is_through_ink() {
@@ -217,7 +389,7 @@ fn spread(places: &[Place], chosen: &[usize]) -> Vec<Place> {
             if !spread[index].is_through_ink() {
                 continue;
             }
-            let middle = f64::midpoint(spread[index - 1].first(), spread[index + 1].last());
+            let middle = f64::midpoint(spread[index - 1].ink_after(), spread[index + 1].ink_before());
             let [from, to] = spread[index].room;
             let edge = ((to - from) / 4.0).min(1e-7);
             let at = middle.clamp(from + edge, to - edge);
@@ -231,7 +403,7 @@ fn spread(places: &[Place], chosen: &[usize]) -> Vec<Place> {
     spread
 }
 
-fn tiling(places: Vec<Place>, overlap: f64) -> Tiling {
+fn tiling(places: &[Place], overlap: f64, enough: Option<usize>) -> Tiling {
     let last = places.len() - 1;
     let cuts = places[1..last]
         .iter()
@@ -240,7 +412,7 @@ fn tiling(places: Vec<Place>, overlap: f64) -> Tiling {
     let beyond = |place: &Place| if place.is_through_ink() { overlap / 2.0 } else { 0.0 };
     let tiles = places
         .windows(2)
-        .map(|pair| [pair[0].first() - beyond(&pair[0]), pair[1].last() + beyond(&pair[1])])
+        .map(|pair| [pair[0].ink_after() - beyond(&pair[0]), pair[1].ink_before() + beyond(&pair[1])])
         .collect();
-    Tiling { cuts, tiles }
+    Tiling { cuts, tiles, enough }
 }

@@ -8,6 +8,9 @@ use crate::geometry::pattern::{Color, Segment, Source};
 
 const RADIUS: f64 = 30.0;
 
+/// Tiles as narrow as any laser makes them, divided into as few as possible.
+const AUTO: Limits = Limits { widest: 2.0, overlap: 0.0, count: None, narrowest: 0.005, gentle: 0.0 };
+
 fn cylinder() -> Unrolled {
     let cylinder =
         Cylinder { center: Point3::new(0.0, 0.0, -RADIUS), axis: Vector3::y_axis(), radius: RADIUS };
@@ -99,7 +102,7 @@ fn angles_on_a_cone_are_those_about_its_axis() {
 
 #[test]
 fn letters_are_never_cut_and_rings_are_cut_in_equal_tiles() {
-    let limits = Limits { widest: 60f64.to_radians(), overlap: 0.0, count: None };
+    let limits = Limits { widest: 60f64.to_radians(), ..AUTO };
     // 36 letters of 6° with gaps of 4°.
     let letters: Vec<[f64; 2]> = (0..36)
         .map(|letter| [f64::from(10 * letter), f64::from(10 * letter + 6)].map(f64::to_radians))
@@ -129,20 +132,153 @@ fn letters_are_never_cut_and_rings_are_cut_in_equal_tiles() {
 fn the_number_of_tiles_may_be_given() {
     let ring = [[-1.0, 5.0]];
     for count in [4, 5, 9, 40] {
-        let limits = Limits { widest: 1.6, overlap: 0.01, count: Some(count) };
+        let limits = Limits { widest: 1.6, overlap: 0.01, count: Some(count), ..AUTO };
         let found = plan(&ring, &limits).unwrap();
         assert_eq!((found.tiles.len(), found.cuts.len()), (count, count - 1));
         assert!(found.tiles.iter().all(|[from, to]| to - from <= 1.6));
     }
     for (count, widest) in [(3, 1.6), (1, 5.0)] {
-        assert_eq!(plan(&ring, &Limits { widest, overlap: 0.0, count: Some(count) }), None);
+        assert_eq!(plan(&ring, &Limits { widest, count: Some(count), ..AUTO }), None);
     }
     // Two letters are not three tiles with ink.
     let letters = [[0.0, 0.1], [1.0, 1.1]];
-    let limits = Limits { widest: 0.5, overlap: 0.0, count: None };
+    let limits = Limits { widest: 0.5, ..AUTO };
     assert_eq!(plan(&letters, &limits).unwrap().tiles, letters.to_vec());
     assert_eq!(plan(&[], &limits), None);
     assert_eq!(plan(&[[0.0, 1.0]], &Limits { overlap: 0.6, ..limits }), None);
+}
+
+fn widths(tiling: &Tiling) -> Vec<f64> {
+    tiling.tiles.iter().map(|[from, to]| (to - from).to_degrees()).collect()
+}
+
+fn degrees(spans: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    spans.iter().map(|span| span.map(f64::to_radians)).collect()
+}
+
+#[test]
+fn a_given_number_of_tiles_of_a_ring_is_even() {
+    let ring = [[0.0, 360.0]];
+    // Lines that end elsewhere leave no gap.
+    let lines = [[0.0, 360.0], [0.5, 359.0], [17.0, 250.0], [111.0, 302.0]];
+    for spans in [&ring[..], &lines] {
+        for count in (4..=40).chain([100, 360]) {
+            let found = plan(&degrees(spans), &Limits { count: Some(count), ..AUTO }).unwrap();
+            assert_eq!(found.tiles.len(), count);
+            for width in widths(&found) {
+                assert!((width - 360.0 / count as f64).abs() < 0.3 / count as f64, "{count}: {width}");
+            }
+            assert_eq!(found.enough, None);
+        }
+    }
+    // Three quarters of a turn, exactly at the limit of the laser.
+    for count in [3, 4, 7, 11] {
+        let widest = (270.0 / count as f64).to_radians();
+        let limits = Limits { widest, count: Some(count), ..AUTO };
+        let found = plan(&degrees(&[[20.0, 290.0]]), &limits).unwrap();
+        assert!(widths(&found).iter().all(|width| (width - 270.0 / count as f64).abs() < 1e-6));
+    }
+}
+
+#[test]
+fn a_given_number_of_tiles_ends_in_gaps_near_the_even_borders() {
+    // Twelve letters of 14° with gaps of 16°, with and without lines round the part.
+    let letters: Vec<[f64; 2]> =
+        (0..12).map(|number| [8.0 + 30.0 * f64::from(number), 22.0 + 30.0 * f64::from(number)]).collect();
+    let lines = [[0.0, 360.0], [35.0, 209.0], [226.0, 313.0]];
+    let with_lines: Vec<[f64; 2]> = letters.iter().copied().chain(lines).collect();
+    let is_whole = |found: &Tiling| {
+        found.cuts.iter().all(|cut| {
+            letters.iter().all(|[from, to]| cut.at.to_degrees() <= *from || cut.at.to_degrees() >= *to)
+        })
+    };
+    for count in 4..=12 {
+        let limits = Limits { count: Some(count), gentle: 60f64.to_radians(), ..AUTO };
+        let even = 360.0 / count as f64;
+        let found = plan(&degrees(&with_lines), &limits).unwrap();
+        let widths = widths(&found);
+        assert!(is_whole(&found), "{count}: {found:?}");
+        // In eleven tiles, one has two letters, which are 44° wide.
+        let widest = (even * 4.0 / 3.0).max(if count < 12 { 44.001 } else { 0.0 });
+        assert!(widths.iter().all(|width| *width >= 0.4 * even && *width <= widest), "{widths:?}");
+        if 12 % count == 0 {
+            assert!(widths.iter().all(|width| (width - even).abs() < 1e-6), "{widths:?}");
+        }
+        // Every tile has whole letters: as many as the most even division of twelve has.
+        let found = plan(&degrees(&letters), &limits).unwrap();
+        let most = 12usize.div_ceil(count);
+        let widest = self::widths(&found).into_iter().fold(0.0, f64::max);
+        assert!((widest - (30.0 * most as f64 - 16.0)).abs() < 1e-6, "{count}: {found:?}");
+        assert_eq!(found.cuts.iter().filter(|cut| cut.is_through_ink).count(), 0);
+    }
+    // Halves of letters are narrower tiles, and a thirteenth tile is not.
+    let given = |count| plan(&degrees(&letters), &Limits { count: Some(count), ..AUTO }).unwrap();
+    assert!(widths(&given(24)).iter().all(|width| (width - 7.0).abs() < 1e-6));
+    assert_eq!((given(24).enough, given(13).enough), (None, Some(12)));
+}
+
+#[test]
+fn short_strokes_without_gaps_are_divided_evenly() {
+    // Multiples of two irrational numbers spread 6000 strokes of up to 2° over the turn: about 17 at every angle.
+    let strokes: Vec<[f64; 2]> = (0..6000)
+        .map(|number| {
+            let share = |step: f64| (f64::from(number) * step).fract();
+            let from = 358.0 * share(0.618_033_988_749_895);
+            [from, from + 2.0 * share(0.754_877_666_246_693)]
+        })
+        .collect();
+    for count in [4, 9, 16] {
+        let found = plan(&degrees(&strokes), &Limits { count: Some(count), ..AUTO }).unwrap();
+        let even = 360.0 / count as f64;
+        assert!(widths(&found).iter().all(|width| (width / even - 1.0).abs() < 0.02), "{:?}", widths(&found));
+    }
+}
+
+#[test]
+fn tiles_are_not_much_wider_for_the_sake_of_whole_letters() {
+    // Eight letters of 40° with gaps of 4°: in seven tiles, two of them are 84° wide.
+    let letters: Vec<[f64; 2]> =
+        (0..8).map(|number| [0.0, 40.0].map(|at| at + 44.0 * f64::from(number))).collect();
+    let given = |gentle: f64| {
+        let limits = Limits { count: Some(7), gentle: gentle.to_radians(), ..AUTO };
+        let found = plan(&degrees(&letters), &limits).unwrap();
+        (
+            widths(&found).into_iter().fold(0.0, f64::max),
+            found.cuts.iter().filter(|cut| cut.is_through_ink).count(),
+        )
+    };
+    let (widest, cut) = given(60.0);
+    assert!(widest <= 352.0 / 7.0 * 4.0 / 3.0 && cut > 0, "{widest}");
+    let (widest, cut) = given(90.0);
+    assert!((widest - 84.0).abs() < 1e-6 && cut == 0, "{widest}");
+}
+
+#[test]
+fn the_possible_numbers_of_tiles_have_both_ends() {
+    let ring = degrees(&[[0.0, 90.0]]);
+    let limits = Limits { widest: 50f64.to_radians(), narrowest: 0.5f64.to_radians(), ..AUTO };
+    assert_eq!(counts(&ring, &limits), Some(2..=180));
+    // Neighbours of a tile do not overlap in it.
+    let overlapping = Limits { overlap: 5f64.to_radians(), ..limits };
+    assert_eq!(counts(&ring, &overlapping), Some(2..=9));
+    let dots = [[0.0, 0.0], [0.3, 0.3], [0.31, 0.31]];
+    assert_eq!(counts(&dots, &limits), Some(1..=3));
+    assert_eq!(counts(&[], &limits), None);
+    for (spans, limits) in [(&ring[..], limits), (&ring, overlapping), (&dots, limits)] {
+        let possible = counts(spans, &limits).unwrap();
+        for count in 1..=possible.end() + 2 {
+            let found = plan(spans, &Limits { count: Some(count), ..limits });
+            assert_eq!(found.map(|found| found.tiles.len()), possible.contains(&count).then_some(count));
+        }
+    }
+}
+
+#[test]
+fn as_few_tiles_as_possible_are_no_slivers() {
+    // The second line is 1° shorter at both ends: borders there cut one line instead of two.
+    let lines = degrees(&[[0.0, 360.0], [1.0, 359.0]]);
+    let found = plan(&lines, &Limits { widest: 60f64.to_radians(), ..AUTO }).unwrap();
+    assert!(widths(&found).iter().all(|width| (width - 360.0 / 7.0).abs() < 1e-6), "{found:?}");
 }
 
 #[test]
@@ -269,13 +405,55 @@ proptest! {
     }
 
     #[test]
+    fn a_given_number_of_tiles_is_about_even(
+        spans in prop::collection::vec((0.0..5.5f64, 0.0..1.0f64), 1..40),
+        is_round in any::<bool>(),
+        count in 1..40usize,
+        overlap in 0.0..0.02f64,
+    ) {
+        let mut spans: Vec<[f64; 2]> =
+            spans.into_iter().map(|(from, width)| [from, from + width.powi(3) * 0.7]).collect();
+        if is_round {
+            spans.push([0.0, std::f64::consts::TAU]);
+        }
+        let limits = Limits { overlap, count: Some(count), ..AUTO };
+        let possible = counts(&spans, &limits).unwrap();
+        let found = plan(&spans, &limits);
+        prop_assert_eq!(found.is_some(), possible.contains(&count));
+        let Some(found) = found else { return Ok(()) };
+        prop_assert_eq!((found.tiles.len(), found.cuts.len()), (count, count - 1));
+        prop_assert!(found.cuts.windows(2).all(|pair| pair[0].at < pair[1].at));
+        for span in &spans {
+            for at in [span[0], f64::midpoint(span[0], span[1]), span[1]] {
+                prop_assert!(found.tiles.iter().any(|[from, to]| (from - 1e-9..=to + 1e-9).contains(&at)));
+            }
+        }
+        // Equal steps over the whole drawing are an even division that ignores gaps, and no division of the ink has tiles
+        // that are all narrower than its share of it.
+        let start = spans.iter().map(|span| span[0]).fold(f64::INFINITY, f64::min);
+        let end = spans.iter().map(|span| span[1]).fold(f64::NEG_INFINITY, f64::max);
+        let step = (end - start) / count as f64;
+        let is_inked = |at: f64| spans.iter().any(|span| span[0] <= at && at <= span[1]);
+        let samples = 20_000;
+        let sampled = (0..samples).filter(|index| is_inked(start + (end - start) * f64::from(*index) / f64::from(samples)));
+        let share = (end - start) * sampled.count() as f64 / f64::from(samples) / count as f64;
+        for (number, [from, to]) in found.tiles.iter().enumerate() {
+            prop_assert!(to - from - overlap <= (step * 4.0 / 3.0).max(limits.narrowest) + 1e-8);
+            let borders = [number.checked_sub(1).and_then(|index| found.cuts.get(index)), found.cuts.get(number)];
+            if borders.into_iter().flatten().any(|cut| cut.is_through_ink) {
+                prop_assert!(to - from >= 0.39 * share, "{} of {share}", to - from);
+            }
+        }
+    }
+
+    #[test]
     fn every_plan_keeps_to_its_limits(
         spans in prop::collection::vec((0.0..6.0f64, 0.001..0.6f64), 1..40),
         widest in 0.2..2.0f64,
         overlap in 0.0..0.05f64,
     ) {
         let spans: Vec<[f64; 2]> = spans.into_iter().map(|(from, width)| [from, from + width]).collect();
-        let found = plan(&spans, &Limits { widest, overlap, count: None }).unwrap();
+        let found = plan(&spans, &Limits { widest, overlap, ..AUTO }).unwrap();
         prop_assert_eq!(found.cuts.len() + 1, found.tiles.len());
         for [from, to] in &found.tiles {
             prop_assert!(to - from <= widest + 1e-9 && to > from);

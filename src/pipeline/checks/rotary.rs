@@ -1,5 +1,7 @@
 //! Why a drawing cannot go round a part.
 
+use std::ops::RangeInclusive;
+
 use crate::config::Method;
 use crate::reason::Reason;
 
@@ -75,15 +77,29 @@ pub(in crate::pipeline) fn rotary_overlap(overlap: f64, widest: f64) -> Reason {
     .with_number("overlap", overlap, "mm", Some(widest / 2.0))
 }
 
-/// The drawing cannot be divided into this many tiles.
-pub(in crate::pipeline) fn rotary_count(count: Option<usize>, needed: Option<usize>, widest: f64) -> Reason {
-    let widest = widest.to_degrees();
+/// The drawing cannot be divided into this many tiles. Limits are the narrowest piece of a contour and the widest tile, rad.
+pub(in crate::pipeline) fn rotary_count(
+    count: Option<usize>,
+    possible: Option<RangeInclusive<usize>>,
+    limits: [f64; 2],
+) -> Reason {
+    let [narrowest, widest] = limits.map(f64::to_degrees);
+    let needed = match (count, possible) {
+        (Some(count), Some(possible)) => Some(count.clamp(*possible.start(), *possible.end())),
+        _ => None,
+    };
     let (what, remedy) = match (count, needed) {
         (Some(count), Some(needed)) if count < needed => (
             format!(
                 "{count} tiles are too few: the laser marks at most {widest:.2} deg of the part between two turns."
             ),
             format!("Set `tiles` under [rotary] to at least {needed}, or to \"auto\"."),
+        ),
+        (Some(count), Some(needed)) if count > needed => (
+            format!(
+                "{count} tiles are too many: contours are not cut into pieces narrower than {narrowest:.2} deg, and gaps have no ink."
+            ),
+            format!("Set `tiles` under [rotary] to at most {needed}, or to \"auto\"."),
         ),
         (Some(count), _) => (
             format!("The drawing cannot be divided into {count} tiles with ink in each."),
