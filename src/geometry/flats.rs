@@ -97,7 +97,8 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chos
         let leaning = derived.filter(|derived| {
             let angle = derived.angle(&flat);
             let is_plausible = || angle * span.width <= IMPLAUSIBLE * span.turn * span.narrowest;
-            angle >= MIN_LEAN * span.turn && (!is_surrounded[widest] || is_plausible())
+            angle >= MIN_LEAN * span.turn
+                && (!planes.are_divided[widest] || !is_surrounded[widest] || is_plausible())
         });
         // A face of several triangles can be flat. A single triangle may be a long chord of a curved surface, unless
         // the derived normal shows that it is flat.

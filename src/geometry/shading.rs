@@ -38,8 +38,12 @@ const VOTE_SHARE: f64 = 0.25;
 /// The share of the normals between bent facets that must be averages before the estimate is computed at all.
 const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 
-/// From this share on, averages are no accident: exact normals differ from them at least where arcs end.
-const ALL_AVERAGES: f64 = 0.95;
+/// CAD programs cut arcs into facets that turn by at most 0.5 rad, and all about as far from the part. Where a normal leans more
+/// than half of that, as a sine, from a side, which would bulge so many times as far as all others there, it only shades.
+const STEEP_LEAN: f64 = 0.25;
+const BULGES_ALONE: f64 = 3.0;
+/// Sides nearer to the direction of a side than this, as a cosine, would bulge as far.
+const ALONGSIDE: f64 = 0.5;
 
 /// A normal whose angle to its facet has a smaller cosine than this (78°) is unrelated to it.
 const UNRELATED: f64 = 0.2;
@@ -117,17 +121,13 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
     let matches = |averages: &[Averages], weighting: usize| {
         averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
     };
-    let surface_ends: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
     let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(&averages, weighting)) else {
         return false;
     };
-    let share = matches(&averages, weighting) as f64 / averages.len() as f64;
-    // Without averages the share is not a number.
-    if !(share >= MIN_SHARE_OF_AVERAGES) {
+    if averages.is_empty()
+        || (matches(&averages, weighting) as f64) < MIN_SHARE_OF_AVERAGES * averages.len() as f64
+    {
         return false;
-    }
-    if share >= ALL_AVERAGES && surface_ends == 0 {
-        return true;
     }
     let (smooth, part) = match whole {
         Some(smooth) => (smooth, None),
@@ -142,7 +142,7 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
         }
     };
     let mut shading = 0usize;
-    let mut surface = surface_ends;
+    let mut surface: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
     for there in &averages {
         let triangle = there.corner / 3;
         let Some(triangle) = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok())
@@ -171,7 +171,8 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
             };
             let of_file = uneven_lean(mesh, &there.shared, of_file);
             let of_estimate = || uneven_lean(mesh, &there.shared, estimate_at);
-            if of_file < apart * VOTE_SHARE && of_estimate() > of_file + apart * VOTE_SHARE {
+            let is_even = of_file < apart * VOTE_SHARE && of_estimate() > of_file + apart * VOTE_SHARE;
+            if is_even && !bulges_alone(mesh, there) {
                 surface += 1;
             } else {
                 shading += 1;
@@ -202,6 +203,21 @@ fn uneven_lean(
         lean((here + 1) % 3).max(lean((here + 2) % 3))
     };
     corners.iter().map(of_facet).fold(0.0, f64::max)
+}
+
+/// Whether the normal of the file would make a side at its vertex bulge as no tessellation of a part does.
+fn bulges_alone(mesh: &TriMesh, there: &Averages) -> bool {
+    let sides = || {
+        there.shared.iter().flat_map(|&corner| {
+            let (points, here) = (mesh.corners(mesh.triangles()[corner / 3]), corner % 3);
+            [1, 2].map(|turn| points[(here + turn) % 3] - points[here])
+        })
+    };
+    let off = |side: &Vector3<f64>| there.file.dot(side).abs();
+    let Some(farthest) = sides().max_by(|one, other| off(one).total_cmp(&off(other))) else { return false };
+    let aside = |other: &Vector3<f64>| other.dot(&farthest) <= ALONGSIDE * other.norm() * farthest.norm();
+    let others = sides().filter(aside).map(|other| off(&other)).fold(0.0, f64::max);
+    off(&farthest) > STEEP_LEAN * farthest.norm() && off(&farthest) > BULGES_ALONE * others
 }
 
 /// Number of ways in which modelling programs weight the facets round a vertex.

@@ -30,6 +30,8 @@ const FLATTER: f64 = 0.04;
 /// The chords of a tessellation leave the part by about the same distance everywhere. A side is straight where it would bulge so
 /// many times as far as all others at its end.
 const IMPLAUSIBLE: f64 = 6.0;
+/// It is also so many times as long as all others: where vertices lie at random, one side bulges by chance.
+const MUCH_LONGER: f64 = 4.0;
 /// Sides nearer to the direction of a side than this, as a cosine, are diagonals beside it and would bulge as far.
 const ALONGSIDE: f64 = 0.5;
 /// Sides are parallel and equally long if they differ by less than this share of their length. The chords of two rings round a
@@ -40,32 +42,41 @@ const MOST_PARALLEL: usize = 32;
 /// Sides at one vertex that can be straight: a plane is held by two.
 const MOST_SIDES: usize = 2;
 
-/// Turns the `estimated` normals at the ends of straight sides of the `chosen` triangles to a right angle with them; returns the
-/// vertices.
+/// One end of a side that may be straight.
+#[derive(Clone, Copy)]
+struct End {
+    vertex: u32,
+    /// From the vertex to the other end, mm.
+    chord: Vector3<f64>,
+    /// 3·t + k: from corner k of triangle t to the next.
+    side: usize,
+}
+
+/// Turns the `estimated` normals at the ends of straight sides of the `chosen` triangles to a right angle with them. Returns
+/// the vertices whose side is much longer than all others there, so that it is known better than their narrow facets.
 pub(super) fn straighten(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<u32> {
     let mut straight = ends_of_straight_sides(mesh, estimated, chosen);
     // The longest side of a vertex comes first.
     straight.sort_by(|one, other| {
-        one.0.cmp(&other.0).then(other.1.norm_squared().total_cmp(&one.1.norm_squared()))
+        let lengths = [other, one].map(|end| end.chord.norm_squared());
+        one.vertex.cmp(&other.vertex).then(lengths[0].total_cmp(&lengths[1]))
     });
-    for sides in straight.chunk_by(|one, other| one.0 == other.0) {
-        let vertex = sides[0].0 as usize;
-        for (_, chord) in sides.iter().take(MOST_SIDES) {
+    let known = straight.iter().filter(|end| is_much_longer(mesh, end)).map(|end| end.vertex);
+    let mut known: Vec<u32> = known.collect();
+    known.dedup();
+    for sides in straight.chunk_by(|one, other| one.vertex == other.vertex) {
+        let vertex = sides[0].vertex as usize;
+        for End { chord, .. } in sides.iter().take(MOST_SIDES) {
             let normal = mesh.normals[vertex];
             let level = normal - chord * (normal.dot(chord) / chord.norm_squared());
             mesh.normals[vertex] = level.try_normalize(0.0).unwrap_or(normal);
         }
     }
-    straight.dedup_by_key(|side| side.0);
-    straight.into_iter().map(|side| side.0).collect()
+    known
 }
 
-/// Each vertex that leans from a straight side, with the side from there on.
-fn ends_of_straight_sides(
-    mesh: &SmoothMesh,
-    estimated: &[bool],
-    chosen: &[bool],
-) -> Vec<(u32, Vector3<f64>)> {
+/// Each end of a straight side from which its vertex leans.
+fn ends_of_straight_sides(mesh: &SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<End> {
     let facets =
         Facets { positions: &mesh.positions, triangles: &mesh.triangles, continued: &mesh.continued };
     let normal = |side: usize| facet_normal(facets.corners(side / 3));
@@ -90,16 +101,14 @@ fn ends_of_straight_sides(
             let contains = |triangle| facet_normal(facets.corners(triangle)).dot(&chord).abs() < limit;
             find_round(mesh, vertex, side, |triangle, _| !contains(triangle)).is_none()
         });
-        for (vertex, chord, leans) in [(ends[0], chord, leans[0]), (ends[1], -chord, leans[1])] {
-            if !leans {
-                continue;
-            }
-            let is_straight = is_ruling
-                || bulges_alone(mesh, vertex, side, chord)
-                || bends_from(mesh, &facets, vertex, side, chord);
-            match is_straight {
-                true => straight.push((vertex, chord)),
-                false => open.push((vertex, chord, side)),
+        let ends = [End { vertex: ends[0], chord, side }, End { vertex: ends[1], chord: -chord, side }];
+        let leaning: Vec<End> =
+            ends.into_iter().zip(leans).filter_map(|(end, leans)| leans.then_some(end)).collect();
+        let bulges_alone = leaning.iter().all(|end| is_much_longer(mesh, end) && bulges_alone(mesh, end));
+        for end in leaning {
+            match is_ruling || bulges_alone || bends_from(mesh, &facets, &end) {
+                true => straight.push(end),
+                false => open.push(end),
             }
         }
     }
@@ -108,30 +117,25 @@ fn ends_of_straight_sides(
 }
 
 /// Adds the `open` sides that run beside a straight one, as long as it and in its direction: the sides of a cylinder are alike.
-fn add_parallel(
-    mesh: &SmoothMesh,
-    straight: &mut Vec<(u32, Vector3<f64>)>,
-    mut open: Vec<(u32, Vector3<f64>, usize)>,
-) {
+fn add_parallel(mesh: &SmoothMesh, straight: &mut Vec<End>, mut open: Vec<End>) {
     let mut known: BTreeMap<u32, Vec<Vector3<f64>>> = BTreeMap::new();
-    straight.iter().for_each(|&(vertex, chord)| known.entry(vertex).or_default().push(chord));
+    straight.iter().for_each(|end| known.entry(end.vertex).or_default().push(end.chord));
     for _ in 0..MOST_PARALLEL {
-        let is_alike = |&(vertex, chord, side): &(u32, Vector3<f64>, usize)| {
-            let alike = |other: &u32| {
-                let chords = known.get(other).into_iter().flatten();
-                chords.into_iter().any(|other| (other - chord).norm() < PARALLEL * chord.norm())
+        let is_alike = |end: &End| {
+            let alike = |vertex: &u32| {
+                let chords = known.get(vertex).into_iter().flatten();
+                chords.into_iter().any(|other| (other - end.chord).norm() < PARALLEL * end.chord.norm())
             };
-            find_round(mesh, vertex, side, |triangle, _| mesh.triangles[triangle].iter().any(alike)).is_some()
+            let is_beside = |triangle: usize, _| mesh.triangles[triangle].iter().any(alike);
+            find_round(mesh, end.vertex, end.side, is_beside).is_some()
         };
         let (alike, others): (Vec<_>, Vec<_>) = open.into_iter().partition(is_alike);
         open = others;
         if alike.is_empty() {
             break;
         }
-        for (vertex, chord, _) in alike {
-            known.entry(vertex).or_default().push(chord);
-            straight.push((vertex, chord));
-        }
+        alike.iter().for_each(|end| known.entry(end.vertex).or_default().push(end.chord));
+        straight.extend(alike);
     }
 }
 
@@ -169,26 +173,38 @@ fn find_round(
     None
 }
 
-/// Whether a side, `chord` from its `vertex`, would bulge much farther than the others there, of which some lead away from it.
-fn bulges_alone(mesh: &SmoothMesh, vertex: u32, side: usize, chord: Vector3<f64>) -> bool {
-    let (at, normal) = (mesh.positions[vertex as usize], mesh.normals[vertex as usize]);
-    let limit = normal.dot(&chord).abs() / IMPLAUSIBLE;
-    let mut leads_away = false;
-    let bulges = |triangle: usize, _: usize| {
+/// Whether any offset is wanted of those from an end of a side to the other corners of the facets round it, mm. Those nearly in
+/// the direction of the side do not count.
+fn any_aside(mesh: &SmoothMesh, end: &End, mut is_wanted: impl FnMut(Vector3<f64>) -> bool) -> bool {
+    let at = mesh.positions[end.vertex as usize];
+    let long = end.chord.norm();
+    find_round(mesh, end.vertex, end.side, |triangle, _| {
         let others = mesh.triangles[triangle].iter().map(|&other| mesh.positions[other as usize] - at);
-        let mut aside = others.filter(|other| {
-            let along = other.dot(&chord) / chord.norm();
-            leads_away |= along < -ALONGSIDE * other.norm();
-            along <= ALONGSIDE * other.norm()
-        });
-        aside.any(|other| normal.dot(&other).abs() > limit)
-    };
-    find_round(mesh, vertex, side, bulges).is_none() && leads_away
+        let mut aside = others.filter(|other| other.dot(&end.chord) <= ALONGSIDE * other.norm() * long);
+        aside.any(&mut is_wanted)
+    })
+    .is_some()
 }
 
-/// Whether the section behind a `vertex` of a side begins to bend there, in the direction of the side, `chord`, that leads from
-/// the vertex.
-fn bends_from(mesh: &SmoothMesh, facets: &Facets, vertex: u32, side: usize, chord: Vector3<f64>) -> bool {
+/// Whether a side is much longer than all others at an end of it.
+fn is_much_longer(mesh: &SmoothMesh, end: &End) -> bool {
+    !any_aside(mesh, end, |other| MUCH_LONGER * other.norm() > end.chord.norm())
+}
+
+/// Whether a side would bulge much farther than the others at an end of it, of which some lead away from it.
+fn bulges_alone(mesh: &SmoothMesh, end: &End) -> bool {
+    let normal = mesh.normals[end.vertex as usize];
+    let (long, limit) = (end.chord.norm(), normal.dot(&end.chord).abs() / IMPLAUSIBLE);
+    let mut leads_away = false;
+    let bulges = any_aside(mesh, end, |other| {
+        leads_away |= other.dot(&end.chord) < -ALONGSIDE * other.norm() * long;
+        normal.dot(&other).abs() > limit
+    });
+    leads_away && !bulges
+}
+
+/// Whether the section behind an end of a side begins to bend there, in the direction of the side.
+fn bends_from(mesh: &SmoothMesh, facets: &Facets, &End { vertex, chord, side }: &End) -> bool {
     let Some(across) = mesh.normals[vertex as usize].cross(&chord).try_normalize(0.0) else { return false };
     // The directions of the pieces as a straight line over the way from the vertex, by least squares.
     let long = chord.norm();
