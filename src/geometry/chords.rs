@@ -35,12 +35,16 @@ pub(super) struct Chords {
 
 impl Chords {
     /// Moves free vertices to the outside of the curve, and a little along it, such that each chord is as long as its piece of the
-    /// curve. No vertex moves by more than `most` mm. Vertices beside straight lines, and those of chords that replace noise, stay:
-    /// chords between two such vertices remain shorter.
+    /// curve. No vertex moves by more than `most` mm. Vertices beside straight lines and beside chords that their curve crosses, and
+    /// those of chords that replace noise, stay: chords between two such vertices remain shorter.
     pub(super) fn lengthen(&mut self, most: f64) {
         let Some(last) = self.vertices.len().checked_sub(1).filter(|last| *last > 1) else { return };
-        let bends: Vec<bool> =
-            (0..last).map(|chord| self.missing(chord) > STRAIGHT * self.drawn[chord]).collect();
+        let turns: Vec<f64> = (0..=last).map(|vertex| self.turn(vertex)).collect();
+        // The curve of a chord that turns to opposite sides at its ends crosses it: outside is on both sides.
+        let bends = |chord: usize| {
+            self.missing(chord) > STRAIGHT * self.drawn[chord] && turns[chord] * turns[chord + 1] >= 0.0
+        };
+        let bends: Vec<bool> = (0..last).map(bends).collect();
         for vertex in 0..=last {
             let is_inside = self.is_closed || (vertex > 0 && vertex < last);
             self.is_free[vertex] &= is_inside && self.chords_at(vertex).iter().all(|chord| bends[*chord]);
@@ -98,6 +102,16 @@ impl Chords {
     fn chords_at(&self, vertex: usize) -> [usize; 2] {
         let last = self.vertices.len() - 1;
         [if vertex == 0 { last - 1 } else { vertex - 1 }, if vertex == last { 0 } else { vertex }]
+    }
+
+    /// The turn at a vertex, as a sine: positive to the left; 0 at the ends of an open polyline.
+    fn turn(&self, vertex: usize) -> f64 {
+        let is_end = vertex == 0 || vertex + 1 == self.vertices.len();
+        if is_end && !self.is_closed {
+            return 0.0;
+        }
+        let ([before, after], _) = self.directions(vertex);
+        before.perp(&after)
     }
 
     /// The directions of the chords before and after a vertex, and their mean length, mm.
