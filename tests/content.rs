@@ -124,7 +124,17 @@ fn fields_are_replaced_by_the_values_of_the_product() {
     let desk = Desk::new();
     desk.write("plate.obj", PLATE);
     let mtext = |text: &str| format!("0\nMTEXT\n5\n32\n8\nMARK\n10\n-30\n20\n0\n40\n5\n71\n1\n1\n{text}\n");
-    let options = ["--content", "serial=417", "--content", "csv.LOT=A7^%%c", "--date", "2026-11-23T14:05"];
+    // The anchor of both drawings is the same point.
+    let options = [
+        "--content",
+        "serial=417",
+        "--content",
+        "csv.LOT=A7^%%c",
+        "--date",
+        "2026-11-23T14:05",
+        "--anchor",
+        "origin",
+    ];
     let shifts = ["--set", "content.shifts=[{name='early',from='06:00'},{name='late',from='14:00'}]"];
     let options = [AS_DRAWN, &options, &shifts, &["--set", "output.comments=false"]].concat();
     for (with_fields, plain) in [

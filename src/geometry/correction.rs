@@ -33,6 +33,8 @@ const DRAWN: f64 = 1e-3;
 const MAX_LOST_SHARE: f64 = 5e-3;
 /// The same share where points are added along the true image.
 const REFINED_LOST_SHARE: f64 = 1e-3;
+/// A chord that misses a smaller share of its curve replaces a straight line.
+const NOTABLE: f64 = 1e-7;
 /// Chords that together are as long as their curve leave it by at most this share of the tolerance at their ends.
 const FARTHEST_OUTSIDE: f64 = 0.75;
 /// Lines that turn by at most 20 degrees may be pieces of one curve: the cosine.
@@ -136,7 +138,7 @@ impl Projection<'_> {
                     }
                     Subdivision::Keep => (self.bend_point_by_point(segments, tolerance)?, None),
                 };
-                let mut chords = chords_of(segments, &points, path.shape.is_closed(), junctions);
+                let mut chords = self.chords_of(segments, &points, path.shape.is_closed(), junctions)?;
                 lost[0] = chords.shortening();
                 chords.lengthen(tolerance * FARTHEST_OUTSIDE);
                 lost[1] = chords.shortening();
@@ -171,6 +173,60 @@ impl Projection<'_> {
         }
         let drawing = MarkingDrawing { layers: pattern.layers.clone(), paths, comments: Vec::new() };
         Ok(Bent { drawing, shortening, inscribed, drawn })
+    }
+
+    /// The chords between the points of a path. The points of a curve may move, but not where other lines meet it (`junctions`;
+    /// without them no end of a segment moves), nor at a corner.
+    fn chords_of(
+        &self,
+        segments: &[Segment],
+        points: &[Aimed],
+        is_closed: bool,
+        junctions: Option<&Junctions>,
+    ) -> Result<Chords, AboveLens> {
+        let steps: Vec<usize> = segments.iter().map(|segment| segment.steps(DRAWN)).collect();
+        let mut drawn = Vec::with_capacity(points.len());
+        for ends in points.windows(2) {
+            let [from, to] = [&ends[0], &ends[1]];
+            let chord = from.flat.distance(to.flat);
+            let missing = drawn_length(segments, &steps, [from.on, to.on]) - chord;
+            let left = if missing > NOTABLE * chord { self.straightness(segments, from, to)? } else { 1.0 };
+            drawn.push(chord + missing * left);
+        }
+        let is_free = |point: &Aimed| {
+            let (number, share) = point.on;
+            if share > 0.0 && share < 1.0 {
+                return true;
+            }
+            if junctions.is_none_or(|junctions| junctions.contain(point.flat)) {
+                return false;
+            }
+            // The segments before and after the point; the ends of an open path do not move anyway.
+            let number = if share > 0.0 { number + 1 } else { number };
+            let before = number.checked_sub(1).unwrap_or(segments.len() - 1);
+            is_smooth(&segments[before], &segments[number % segments.len()])
+        };
+        let vertices = points.iter().map(|point| point.flat).collect();
+        Ok(Chords { vertices, drawn, is_free: points.iter().map(is_free).collect(), is_closed })
+    }
+
+    /// The share of what a chord in the plane of the drawing misses that the mark misses, too: the line of the field from end to
+    /// end is itself a curve on the part. 1 where it marks the chord, 0 where it marks the drawn curve.
+    fn straightness(&self, segments: &[Segment], from: &Aimed, to: &Aimed) -> Result<f64, AboveLens> {
+        let ((first, start), (last, end)) = (from.on, to.on);
+        let middle = match first == last {
+            true => segments[first].point(f64::midpoint(start, end)),
+            false => segments[(first + last).div_ceil(2)].start(),
+        };
+        // Of the chord's point beside it, so that both images differ across the chord only.
+        let chord = to.flat - from.flat;
+        let share = (middle - from.flat).dot(&chord) / chord.norm_squared();
+        let [curved, straight] = [self.aim(middle)?, self.aim(from.flat.lerp(to.flat, share))?];
+        let bulge = curved - straight;
+        let marked = from.field.lerp(to.field, share) - straight;
+        let bent = marked.dot(&bulge) / bulge.norm_squared();
+        // The length that an arc adds to its chord grows with the square of its height.
+        Ok(if bent.is_finite() { 1.0 - bent * bent } else { 1.0 })
     }
 
     /// The images of the ends of all segments, after curves are flattened.
@@ -345,52 +401,24 @@ pub struct Exposure {
     pub max_doubt_at: ViewPoint,
 }
 
-/// The chords between the points of a path. The points of a curve may move, but not where other lines meet it (`junctions`;
-/// without them no end of a segment moves), nor at a corner.
-fn chords_of(
-    segments: &[Segment],
-    points: &[Aimed],
-    is_closed: bool,
-    junctions: Option<&Junctions>,
-) -> Chords {
-    let steps: Vec<usize> = segments.iter().map(|segment| segment.steps(DRAWN)).collect();
-    let length = |ends: &[Aimed]| {
-        let [from, to] = [ends[0].on, ends[1].on];
-        let pieces = (from.0..=to.0).zip(segments.iter().zip(&steps).skip(from.0));
-        let lengths = pieces.map(|(number, (segment, steps))| {
-            let start = if number == from.0 { from.1 } else { 0.0 };
-            let end = if number == to.0 { to.1 } else { 1.0 };
-            if matches!(segment, Segment::Line { .. }) {
-                return segment.point(start).distance(segment.point(end));
-            }
-            let steps = (*steps as f64 * (end - start)).ceil().max(1.0) as usize;
-            let point = |step: usize| segment.point(start + (end - start) * step as f64 / (2 * steps) as f64);
-            let halves: f64 = (1..=2 * steps).map(|step| point(step - 1).distance(point(step))).sum();
-            let chords: f64 = (1..=steps).map(|step| point(2 * step - 2).distance(point(2 * step))).sum();
-            // Two half chords miss a quarter of what one chord misses.
-            halves + (halves - chords) / 3.0
-        });
-        lengths.sum::<f64>()
-    };
-    let is_free = |point: &Aimed| {
-        let (number, share) = point.on;
-        if share > 0.0 && share < 1.0 {
-            return true;
+/// The length of the drawing from one place to another, each a segment's number and the parameter there, mm; `steps` divide each
+/// segment.
+fn drawn_length(segments: &[Segment], steps: &[usize], [from, to]: [(usize, f64); 2]) -> f64 {
+    let pieces = (from.0..=to.0).zip(segments.iter().zip(steps).skip(from.0));
+    let lengths = pieces.map(|(number, (segment, steps))| {
+        let start = if number == from.0 { from.1 } else { 0.0 };
+        let end = if number == to.0 { to.1 } else { 1.0 };
+        if matches!(segment, Segment::Line { .. }) {
+            return segment.point(start).distance(segment.point(end));
         }
-        if junctions.is_none_or(|junctions| junctions.contain(point.flat)) {
-            return false;
-        }
-        // The segments before and after the point; the ends of an open path do not move anyway.
-        let number = if share > 0.0 { number + 1 } else { number };
-        let before = number.checked_sub(1).unwrap_or(segments.len() - 1);
-        is_smooth(&segments[before], &segments[number % segments.len()])
-    };
-    Chords {
-        vertices: points.iter().map(|point| point.flat).collect(),
-        drawn: points.windows(2).map(length).collect(),
-        is_free: points.iter().map(is_free).collect(),
-        is_closed,
-    }
+        let steps = (*steps as f64 * (end - start)).ceil().max(1.0) as usize;
+        let point = |step: usize| segment.point(start + (end - start) * step as f64 / (2 * steps) as f64);
+        let halves: f64 = (1..=2 * steps).map(|step| point(step - 1).distance(point(step))).sum();
+        let chords: f64 = (1..=steps).map(|step| point(2 * step - 2).distance(point(2 * step))).sum();
+        // Two half chords miss a quarter of what one chord misses.
+        halves + (halves - chords) / 3.0
+    });
+    lengths.sum()
 }
 
 /// Whether a segment leads into the next one without a corner.

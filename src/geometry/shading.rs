@@ -33,6 +33,11 @@ const SMALL: usize = 6_000;
 const MIN_SHARE_OF_BEND: f64 = 0.2;
 /// The smallest distinguished angle, rad, where the estimate is the normal of one of the facets, as beside a flat side.
 const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
+/// The same share where the estimate stands at right angles to a side, to within this sine, that the file's normal would make
+/// bulge by more than this, mm: such estimates are better.
+const MIN_SHARE_BESIDE_SIDE: f64 = 0.05;
+const RIGHT_ANGLE: f64 = 1e-3;
+const NOTABLE_BULGE: f64 = 0.02;
 /// A vertex votes for one of two directions when the file's normal is within this share of their angle from it.
 const VOTE_SHARE: f64 = 0.25;
 /// The share of the normals between bent facets that must be averages before the estimate is computed at all.
@@ -42,6 +47,10 @@ const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 /// than half of that, as a sine, from a side, which would bulge so many times as far as all others there, it only shades.
 const STEEP_LEAN: f64 = 0.25;
 const BULGES_ALONE: f64 = 3.0;
+/// The share of the normals that are averages where all are, but for a few.
+const ALL_AVERAGES: f64 = 0.95;
+/// Facets of one smooth face turn by less than this, rad, in any tessellation, also across a corner of both arcs of a sphere.
+const MOST_BEND: f64 = 0.75;
 /// Sides nearer to the direction of a side than this, as a cosine, would bulge as far.
 const ALONGSIDE: f64 = 0.5;
 
@@ -129,6 +138,11 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
     {
         return false;
     }
+    let is_all = matches(&averages, weighting) as f64 > ALL_AVERAGES * averages.len() as f64;
+    let steep = averages.iter().filter(|there| there.bend > MOST_BEND).count();
+    if is_all && 2 * steep > averages.len() {
+        return true;
+    }
     let (smooth, part) = match whole {
         Some(smooth) => (smooth, None),
         None => {
@@ -154,6 +168,8 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
         let apart = angle(average, estimated);
         let least = if there.is_normal_of_a_face(estimated) {
             MIN_ANGLE_TO_FACE
+        } else if there.holds_a_side(mesh, estimated) {
+            SAME.max(there.bend * MIN_SHARE_BESIDE_SIDE)
         } else {
             SAME.max(there.bend * MIN_SHARE_OF_BEND)
         };
@@ -181,7 +197,8 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
             surface += 1;
         }
     }
-    shading > surface
+    // Where as many speak for either, averages everywhere are no accident.
+    shading > surface || (is_all && shading > 0 && shading == surface)
 }
 
 /// By how much the normals at both ends of a side lean towards the same end, rad: the largest over the sides that meet at a
@@ -205,14 +222,17 @@ fn uneven_lean(
     corners.iter().map(of_facet).fold(0.0, f64::max)
 }
 
+/// The sides of facets that start at these corners of theirs, mm.
+fn sides_at<'a>(mesh: &'a TriMesh, corners: &'a [usize]) -> impl Iterator<Item = Vector3<f64>> + 'a {
+    corners.iter().flat_map(|&corner| {
+        let (points, here) = (mesh.corners(mesh.triangles()[corner / 3]), corner % 3);
+        [1, 2].map(|turn| points[(here + turn) % 3] - points[here])
+    })
+}
+
 /// Whether the normal of the file would make a side at its vertex bulge as no tessellation of a part does.
 fn bulges_alone(mesh: &TriMesh, there: &Averages) -> bool {
-    let sides = || {
-        there.shared.iter().flat_map(|&corner| {
-            let (points, here) = (mesh.corners(mesh.triangles()[corner / 3]), corner % 3);
-            [1, 2].map(|turn| points[(here + turn) % 3] - points[here])
-        })
-    };
+    let sides = || sides_at(mesh, &there.shared);
     let off = |side: &Vector3<f64>| there.file.dot(side).abs();
     let Some(farthest) = sides().max_by(|one, other| off(one).total_cmp(&off(other))) else { return false };
     let aside = |other: &Vector3<f64>| other.dot(&farthest) <= ALONGSIDE * other.norm() * farthest.norm();
@@ -323,6 +343,14 @@ impl Averages {
             found.push(Self { corner, shared, file, bend, averages, faces });
         }
         found
+    }
+
+    /// Whether a normal is at right angles to a side that the file's normal bends.
+    fn holds_a_side(&self, mesh: &TriMesh, normal: Vector3<f64>) -> bool {
+        sides_at(mesh, &self.shared).any(|side| {
+            normal.dot(&side).abs() < RIGHT_ANGLE * side.norm()
+                && self.file.dot(&side).abs() / 4.0 > NOTABLE_BULGE
+        })
     }
 
     /// Whether a normal is that of one of the facets.

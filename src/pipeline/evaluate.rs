@@ -254,7 +254,10 @@ fn row(
                 Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
             let bent = chords::bend(&projection, pattern, settings)
                 .map_err(|error| checks::not_reached(error.at, settings))?;
-            distortion.shorten(chords::of_ink(pattern, &bent.shortening, settings));
+            // The marking program divides the drawing as it is with points on its curves.
+            let is_plain = matches!(map, LengthTrueMap::Plain);
+            let chords_of = if is_plain { &bent.inscribed } else { &bent.shortening };
+            distortion.shorten(chords::of_ink(pattern, chords_of, settings));
             Ok((map, distortion))
         });
     match results {

@@ -74,7 +74,7 @@ fn drawings_with_nothing_to_mark() {
     let desk = Desk::new();
     desk.write("empty.dxf", "");
     correct(&desk, &part(MOUSE), "empty.dxf", "")
-        .refused(1, &["empty file", "where:  empty.dxf", "remedy: Export"]);
+        .refused(1, &["it is empty", "where:  empty.dxf", "remedy: Export"]);
     desk.write("logo.dxf", "%PDF-1.7\n%\u{e9}\nstream\n");
     correct(&desk, &part(MOUSE), "logo.dxf", "")
         .refused(1, &["PDF", "where:  logo.dxf", "remedy: Export the drawing as DXF"]);

@@ -290,3 +290,28 @@ fn numbers(text: &str) -> [f64; 3] {
     let numbers: Vec<f64> = text.split_whitespace().map(|number| number.parse().unwrap()).collect();
     numbers.try_into().unwrap()
 }
+
+/// Cans whose rims have a chamfer or a small fillet: the wall stays a cylinder, whatever the narrow facets lead to. The fillet
+/// of OpenCASCADE has vertices at irregular places.
+#[test]
+fn cans_with_narrow_rims_are_recognised_as_cylinders() {
+    for (name, facing, radius, half) in [
+        ("bl42-can-chamfer.glb", -Vector3::y(), 33.0, [18.0, 40.0]),
+        ("occ-can-fillet-2.stl", Vector3::z(), 20.0, [18.0, 8.0]),
+    ] {
+        let side = seen_from(&sample(name), facing);
+        let [x, y] = half;
+        let patch = Extents { min: Vector2::new(-x, -y), max: Vector2::new(x, y) };
+        let fit = CylinderFit::to(&SampledPatch::under(&side, &patch).unwrap()).unwrap();
+        assert!((fit.cylinder.radius - radius).abs() < 0.01 && fit.residual < 0.005, "{name}: {fit:?}");
+    }
+}
+
+/// The top of a coin with a small fillet, and that of a box with a wide bevel of one segment.
+#[test]
+fn tops_beside_narrow_fillets_and_wide_bevels_are_flat() {
+    for (name, half, height) in [("occ-coin-fillet-1.stl", 19.0, 3.0), ("bl42-bevel-10.glb", 14.0, 30.0)] {
+        let off = unevenness(&seen_from(&sample(name), Vector3::z()), 0.0, half, height);
+        assert!(off <= FLAT, "{name}: {off} mm");
+    }
+}
