@@ -428,8 +428,7 @@ impl Distortion {
             squares += path.lost * path.largest_share;
         }
         self.stretch_range[0] -= most;
-        self.stretch_range[1] += most;
-        self.max_stretch = self.max_stretch.max(self.stretch_range[1]).max(-self.stretch_range[0]);
+        self.max_stretch = self.max_stretch.max(-self.stretch_range[0]);
         if self.length > 0.0 {
             self.rms_stretch += (squares / self.length).sqrt();
         }
