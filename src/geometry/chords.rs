@@ -27,6 +27,8 @@ pub(super) struct Chords {
     pub(super) vertices: Vec<FlatPoint>,
     /// The length of the curve for each chord, mm.
     pub(super) drawn: Vec<f64>,
+    /// The length that each chord needs to mark that of its curve, mm: less where the field bends it.
+    pub(super) goals: Vec<f64>,
     /// Whether the vertex may move.
     pub(super) is_free: Vec<bool>,
     /// Whether the first vertex follows the last chord.
@@ -80,11 +82,23 @@ impl Chords {
         }
     }
 
-    /// By how much the chords differ from their curves.
+    /// By how much the chords differ from their curves, before any vertex moves.
+    pub(super) fn inscribed(&self) -> Shortening {
+        self.differing(|chord| self.drawn[chord] - self.length(chord))
+    }
+
+    /// The same after [`lengthen`](Self::lengthen). Chords whose ends stayed miss as much as their curves show.
     pub(super) fn shortening(&self) -> Shortening {
+        self.differing(|chord| match self.is_free[chord] || self.is_free[chord + 1] {
+            true => self.missing(chord),
+            false => self.drawn[chord] - self.length(chord),
+        })
+    }
+
+    fn differing(&self, missing: impl Fn(usize) -> f64) -> Shortening {
         let mut shortening = Shortening::default();
         for (chord, drawn) in self.drawn.iter().enumerate() {
-            let missing = self.missing(chord).abs();
+            let missing = missing(chord).abs();
             if missing > ROUNDING * drawn {
                 shortening.lost += missing;
                 shortening.largest_share = shortening.largest_share.max(missing / drawn);
@@ -93,9 +107,13 @@ impl Chords {
         shortening
     }
 
-    /// By how much a chord is shorter than its curve, mm.
+    fn length(&self, chord: usize) -> f64 {
+        self.vertices[chord].distance(self.vertices[chord + 1])
+    }
+
+    /// By how much a chord is shorter than its goal, mm.
     fn missing(&self, chord: usize) -> f64 {
-        self.drawn[chord] - self.vertices[chord].distance(self.vertices[chord + 1])
+        self.goals[chord] - self.length(chord)
     }
 
     /// The chords before and after a vertex.
@@ -157,8 +175,8 @@ mod tests {
         if is_closed {
             vertices[count] = vertices[0];
         }
-        let drawn = (0..count).map(length).collect();
-        Chords { vertices, drawn, is_free: vec![true; count + 1], is_closed }
+        let drawn: Vec<f64> = (0..count).map(length).collect();
+        Chords { vertices, goals: drawn.clone(), drawn, is_free: vec![true; count + 1], is_closed }
     }
 
     trait IntoPoint {
@@ -183,7 +201,7 @@ mod tests {
     fn a_ring_of_chords_has_the_circumference_of_its_circle() {
         for count in [6, 18, 71] {
             let mut chords = on_curve(circle(10.0, TAU), count, true);
-            let inscribed = chords.shortening().lost;
+            let inscribed = chords.inscribed().lost;
             chords.lengthen(1.0);
             assert!((length(&chords) - 10.0 * TAU).abs() < 1e-3 * inscribed + 1e-5, "{count}");
             assert!(chords.shortening().lost < 1e-3 * inscribed + 1e-4, "{count}");
@@ -199,7 +217,7 @@ mod tests {
         for count in [2, 3, 5, 20] {
             let mut chords = on_curve(circle(4.0, 1.5), count, false);
             let ends = [chords.vertices[0], chords.vertices[count]];
-            let before = chords.shortening();
+            let before = chords.inscribed();
             let sagitta = 4.0 * (1.0 - (0.75 / count as f64).cos());
             chords.lengthen(sagitta);
             assert_eq!(ends, [chords.vertices[0], chords.vertices[count]]);
@@ -232,6 +250,7 @@ mod tests {
         let mut chords = on_curve(circle(2.0, 1.0), 4, false);
         chords.vertices.insert(0, FlatPoint::new(2.0, -10.0));
         chords.drawn.insert(0, 10.0);
+        chords.goals.insert(0, 10.0);
         chords.is_free.push(true);
         let before = chords.vertices.clone();
         chords.is_free[3] = false;
@@ -244,14 +263,20 @@ mod tests {
         let mut noisy = Chords {
             vertices: vertices.clone(),
             drawn: vec![1.005; 2],
+            goals: vec![1.005; 2],
             is_free: vec![true; 3],
             is_closed: false,
         };
         noisy.lengthen(1.0);
         assert_eq!(noisy.vertices, vertices);
         let same = FlatPoint::new(1.0, 1.0);
-        let mut none =
-            Chords { vertices: vec![same; 4], drawn: vec![0.0; 3], is_free: vec![true; 4], is_closed: true };
+        let mut none = Chords {
+            vertices: vec![same; 4],
+            drawn: vec![0.0; 3],
+            goals: vec![0.0; 3],
+            is_free: vec![true; 4],
+            is_closed: true,
+        };
         none.lengthen(1.0);
         assert_eq!(none.vertices, [same; 4]);
     }

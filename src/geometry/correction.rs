@@ -139,7 +139,7 @@ impl Projection<'_> {
                     Subdivision::Keep => (self.bend_point_by_point(segments, tolerance)?, None),
                 };
                 let mut chords = self.chords_of(segments, &points, path.shape.is_closed(), junctions)?;
-                lost[0] = chords.shortening();
+                lost[0] = chords.inscribed();
                 chords.lengthen(tolerance * FARTHEST_OUTSIDE);
                 lost[1] = chords.shortening();
                 for (point, vertex) in points.iter_mut().zip(&chords.vertices) {
@@ -185,13 +185,15 @@ impl Projection<'_> {
         junctions: Option<&Junctions>,
     ) -> Result<Chords, AboveLens> {
         let steps: Vec<usize> = segments.iter().map(|segment| segment.steps(DRAWN)).collect();
-        let mut drawn = Vec::with_capacity(points.len());
+        let (mut drawn, mut goals) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
         for ends in points.windows(2) {
             let [from, to] = [&ends[0], &ends[1]];
             let chord = from.flat.distance(to.flat);
-            let missing = drawn_length(segments, &steps, [from.on, to.on]) - chord;
+            let length = drawn_length(segments, &steps, [from.on, to.on]);
+            let missing = length - chord;
             let left = if missing > NOTABLE * chord { self.straightness(segments, from, to)? } else { 1.0 };
-            drawn.push(chord + missing * left);
+            drawn.push(length);
+            goals.push(chord + missing * left);
         }
         let is_free = |point: &Aimed| {
             let (number, share) = point.on;
@@ -207,7 +209,7 @@ impl Projection<'_> {
             is_smooth(&segments[before], &segments[number % segments.len()])
         };
         let vertices = points.iter().map(|point| point.flat).collect();
-        Ok(Chords { vertices, drawn, is_free: points.iter().map(is_free).collect(), is_closed })
+        Ok(Chords { vertices, drawn, goals, is_free: points.iter().map(is_free).collect(), is_closed })
     }
 
     /// The share of what a chord in the plane of the drawing misses that the mark misses, too: the line of the field from end to
