@@ -12,7 +12,7 @@ use super::space::FlatPoint;
 /// A share of a length that is only rounding.
 const ROUNDING: f64 = 1e-9;
 /// A chord that is shorter than its line by a smaller share replaces a straight line.
-const STRAIGHT: f64 = 1e-7;
+pub(super) const STRAIGHT: f64 = 1e-7;
 /// On a smooth curve a vertex moves by the length of a chord times its turn, divided by 24, and by twice as much between the
 /// only two chords of a curve. Where it would have to move by more than this share, the chords replace noise.
 const SMOOTH: f64 = 0.125;
@@ -40,7 +40,10 @@ impl Chords {
     /// curve. No vertex moves by more than `most` mm. Vertices beside straight lines and beside chords that their curve crosses, and
     /// those of chords that replace noise, stay: chords between two such vertices remain shorter.
     pub(super) fn lengthen(&mut self, most: f64) {
-        let Some(last) = self.vertices.len().checked_sub(1).filter(|last| *last > 1) else { return };
+        let Some(last) = self.vertices.len().checked_sub(1).filter(|last| *last > 1) else {
+            self.is_free.fill(false);
+            return;
+        };
         let turns: Vec<f64> = (0..=last).map(|vertex| self.turn(vertex)).collect();
         // The curve of a chord that turns to opposite sides at its ends crosses it: outside is on both sides.
         let bends = |chord: usize| {
@@ -60,8 +63,8 @@ impl Chords {
         for _ in 0..PASSES {
             let mut is_settled = true;
             for vertex in 0..=last {
-                limits[vertex] = self.farthest(vertex).min(most);
-                let stays = self.is_free[vertex] && !(self.step(vertex).norm() <= limits[vertex]);
+                limits[vertex] = self.farthest(vertex);
+                let stays = self.is_free[vertex] && !(self.step(vertex).norm() <= limits[vertex].min(most));
                 self.is_free[vertex] &= !stays;
                 is_settled &= !stays;
             }
@@ -74,10 +77,11 @@ impl Chords {
             let steps: Vec<Vector2<f64>> = (0..=last).map(|vertex| self.step(vertex)).collect();
             self.vertices.iter_mut().zip(steps).for_each(|(vertex, step)| *vertex = *vertex + step);
         }
-        for ((moved, inscribed), limit) in self.vertices.iter_mut().zip(inscribed).zip(limits) {
+        for (vertex, inscribed) in inscribed.into_iter().enumerate() {
             // What is not a number is rejected, too.
-            if !(moved.distance(inscribed) <= 1.5 * limit) {
-                *moved = inscribed;
+            if !(self.vertices[vertex].distance(inscribed) <= most.min(1.5 * limits[vertex])) {
+                self.vertices[vertex] = inscribed;
+                self.is_free[vertex] = false;
             }
         }
     }

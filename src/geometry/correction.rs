@@ -3,7 +3,7 @@
 
 use nalgebra::{Point3, Vector2};
 
-use super::chords::Chords;
+use super::chords::{Chords, STRAIGHT};
 use super::ink::Ink;
 use super::mapping::LengthTrueMap;
 use super::mapping::quality::Shortening;
@@ -33,8 +33,6 @@ const DRAWN: f64 = 1e-3;
 const MAX_LOST_SHARE: f64 = 5e-3;
 /// The same share where points are added along the true image.
 const REFINED_LOST_SHARE: f64 = 1e-3;
-/// A chord that misses a smaller share of its curve replaces a straight line.
-const NOTABLE: f64 = 1e-7;
 /// Chords that together are as long as their curve leave it by at most this share of the tolerance at their ends.
 const FARTHEST_OUTSIDE: f64 = 0.75;
 /// Lines that turn by at most 20 degrees may be pieces of one curve: the cosine.
@@ -191,7 +189,7 @@ impl Projection<'_> {
             let chord = from.flat.distance(to.flat);
             let length = drawn_length(segments, &steps, [from.on, to.on]);
             let missing = length - chord;
-            let left = if missing > NOTABLE * chord { self.straightness(segments, from, to)? } else { 1.0 };
+            let left = if missing > STRAIGHT * chord { self.straightness(segments, from, to)? } else { 1.0 };
             drawn.push(length);
             goals.push(chord + missing * left);
         }
