@@ -362,6 +362,7 @@ impl Pipeline {
         let round = placing.round(map, settings);
         notices.extend(checks::alignment(round.as_ref(), settings));
         checks::settled(sku, map, settings, &mut notices);
+        checks::traded(map, before.as_ref(), &after, settings, &mut notices);
         checks::quality(map, &after, part, lift, &ink.extents, &mut notices);
         checks::uncertain(&after, &part.facts, &mut notices).map_err(&rejected)?;
         drawing.comments = comments(sku, learned, input, settings);
@@ -519,7 +520,11 @@ fn method(settings: &JobSettings) -> Method {
     let options = match correction.weighting {
         Weighting::Ink => match correction.aim {
             Aim::Balanced => IsometricOptions::INK,
-            Aim::Lengths => IsometricOptions::LENGTHS,
+            // With a fill, the outlines are filled.
+            Aim::Lengths => IsometricOptions {
+                are_outlines_areas: settings.fill.spacing.is_some(),
+                ..IsometricOptions::LENGTHS
+            },
             Aim::Areas => IsometricOptions::AREAS,
             Aim::Shapes => IsometricOptions::SHAPES,
         }

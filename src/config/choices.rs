@@ -216,7 +216,7 @@ choices! {
         /// All three.
         #[default]
         Balanced = "balanced",
-        /// The lengths of lines.
+        /// The lengths of lines; outlines that nothing fills are lines.
         Lengths = "lengths",
         /// The sizes of inked areas, and of cells that lines enclose.
         Areas = "areas",

@@ -1,5 +1,7 @@
 //! Where the drawing puts ink: short pieces along its lines, and small squares over its inked areas.
 
+mod outlines;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector2;
@@ -136,11 +138,28 @@ impl Ink {
     /// The inked area of a layer is bounded by its contours under the even-odd rule; a contour that is drawn twice
     /// counts once. A fill (HATCH, SOLID) is a separate region. An area covered by several regions counts once.
     pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
-        Self::sample_marked(pattern, &is_marked, piece, side)
+        Self::sample_marked(pattern, &is_marked, piece, side, |_| true)
     }
 
-    /// Compiled once, with the geometry: generic functions are compiled where they are called.
-    fn sample_marked(pattern: &Pattern, is_marked: &dyn Fn(&str) -> bool, piece: f64, side: f64) -> Self {
+    /// The same without the areas inside outlines that nothing fills: there, a laser marks only the lines.
+    pub fn sample_as_marked(
+        pattern: &Pattern,
+        is_marked: impl Fn(&str) -> bool,
+        piece: f64,
+        side: f64,
+    ) -> Self {
+        Self::sample_marked(pattern, &is_marked, piece, side, |region| region.is_some())
+    }
+
+    /// Compiled once, with the geometry: generic functions are compiled where they are called. `is_inked` is whether the contours
+    /// of a layer with this region bound an inked area.
+    fn sample_marked(
+        pattern: &Pattern,
+        is_marked: &dyn Fn(&str) -> bool,
+        piece: f64,
+        side: f64,
+        is_inked: fn(Option<u32>) -> bool,
+    ) -> Self {
         let (mut pieces, mut dots) = (Vec::new(), Vec::new());
         let inked = || inked(pattern, is_marked);
         let (mut extents, mut length) = (Extents::EMPTY, 0.0);
@@ -156,7 +175,8 @@ impl Ink {
             let stations = stations(&path.shape, piece);
             pieces.extend(stations.windows(2).map(|ends| Piece { from: ends[0], to: ends[1] }));
         }
-        let contours = contours(pattern, is_marked, side / 40.0);
+        let mut contours = contours(pattern, is_marked, side / 40.0);
+        contours.retain(|(_, region), _| is_inked(*region));
         if pieces.len() > MAX_SHORT_PIECES {
             join_consecutive(&mut pieces, piece);
         }
@@ -164,7 +184,8 @@ impl Ink {
         let side = side.max((size.x * size.y / MAX_SQUARES_IN_BOX).max(0.0).sqrt());
         let (mut squares, mut blocks) = (Vec::new(), Vec::new());
         if !contours.is_empty() {
-            let inked = grid_inside(&contours, &extents, side);
+            let groups: Vec<_> = contours.values().map(Vec::as_slice).collect();
+            let inked = grid_inside(&groups, &extents, side);
             squares = inked.centers();
             blocks = inked.into_blocks();
         }
@@ -229,7 +250,7 @@ pub(super) fn contours(
     groups.into_iter().map(|(group, paths)| (group, flattened(paths))).collect()
 }
 
-/// The paths that bound the inked area, by layer and fill.
+/// The paths that bound the inked area, by layer and fill. Outlines that repeat the boundary of a fill are only lines.
 pub(super) fn bounding_paths(
     pattern: &Pattern,
     is_marked: impl Fn(&str) -> bool,
@@ -242,6 +263,15 @@ pub(super) fn bounding_paths(
             groups.entry((path.layer, path.region)).or_default().push(path);
         }
     }
+    let of_fills = groups.iter().filter(|((_, region), _)| region.is_some());
+    let boundaries: Vec<&Path> = of_fills.flat_map(|(_, paths)| paths.iter().copied()).collect();
+    for ((_, region), paths) in &mut groups {
+        if region.is_none() {
+            let mut repeats = outlines::repeat_boundaries(paths, &boundaries).into_iter();
+            paths.retain(|_| !repeats.next().unwrap_or_default());
+        }
+    }
+    groups.retain(|_, paths| !paths.is_empty());
     groups
 }
 
@@ -298,21 +328,17 @@ fn join_consecutive(pieces: &mut Vec<Piece>, longest: f64) {
     });
 }
 
-/// The squares of an axis-parallel grid, and those that are inside the contours by the even-odd rule in each group.
-fn grid_inside<Key: Ord>(
-    contours: &BTreeMap<Key, Vec<Vec<FlatPoint>>>,
-    extents: &Extents,
-    side: f64,
-) -> Inked {
+/// The squares of an axis-parallel grid, and those that are inside the contours of any group, by the even-odd rule in each.
+fn grid_inside(groups: &[&[Vec<FlatPoint>]], extents: &Extents, side: f64) -> Inked {
     let size = extents.size();
     let (columns, rows) = ((size.x / side).ceil() as usize, (size.y / side).ceil() as usize);
     // Centred, so that a symmetric drawing is sampled symmetrically.
     let origin = extents.center() - Vector2::new(columns as f64, rows as f64) * (side / 2.0);
     let mut inked = vec![false; columns * rows];
     let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); rows];
-    for group in contours.values() {
+    for group in groups {
         crossings.iter_mut().for_each(Vec::clear);
-        for contour in group {
+        for contour in *group {
             for (from, to) in contour.iter().zip(contour.iter().cycle().skip(1)) {
                 let (low, high) = if from.y < to.y { (from, to) } else { (to, from) };
                 let row_at = |y: f64| ((y - origin.y) / side - 0.5).ceil().max(0.0) as usize;
@@ -334,13 +360,30 @@ fn grid_inside<Key: Ord>(
     Inked { origin: origin.into(), side, columns, rows, squares: inked }
 }
 
-/// The centres of those squares of an axis-parallel grid that are inside the contours, by the even-odd rule in each group.
-pub(super) fn squares_inside<Key: Ord>(
-    contours: &BTreeMap<Key, Vec<Vec<FlatPoint>>>,
+/// The centres of those squares of an axis-parallel grid that are filled when outlines are filled too: those inside the
+/// fills of a layer or its outlines, but not of both, because what is inside a filled frame stays visible.
+pub(super) fn squares_filled(
+    contours: &BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>>,
     extents: &Extents,
     side: f64,
 ) -> Vec<FlatPoint> {
-    grid_inside(contours, extents, side).centers()
+    let groups: Vec<_> = contours.iter().collect();
+    let mut filled: Option<Inked> = None;
+    for layer in groups.chunk_by(|((one, _), _), ((other, _), _)| one == other) {
+        let part = |is_fill: bool| {
+            let chosen = layer.iter().filter(|((_, region), _)| region.is_some() == is_fill);
+            grid_inside(&chosen.map(|(_, contours)| contours.as_slice()).collect::<Vec<_>>(), extents, side)
+        };
+        let (mut inked, outlines) = (part(true), part(false));
+        inked.squares.iter_mut().zip(outlines.squares).for_each(|(square, other)| *square ^= other);
+        match &mut filled {
+            None => filled = Some(inked),
+            Some(all) => {
+                all.squares.iter_mut().zip(inked.squares).for_each(|(square, other)| *square |= other);
+            }
+        }
+    }
+    filled.map_or_else(Vec::new, |filled| filled.centers())
 }
 
 /// The squares of a grid, and whether each is inked.

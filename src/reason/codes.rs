@@ -804,6 +804,15 @@ const CODES: &[Code] = &[
          and the new names.",
         "Assign the parameters of the marking software to the new names, or use `dxf = \"R2000\"` under [output].",
     ]),
+    notice([
+        "lengths-traded",
+        "The correction makes the lines less true than they are without it.",
+        "On a part that is curved in two directions, the sizes of areas, their shapes and the lengths of lines cannot all be kept. \
+         With the aim `balanced`, an outline counts as the area that it encloses. A large ring that lies round the top of a \
+         sphere has its true length without a correction, but it encloses more than the drawn area.",
+        "For true lines, set `aim = \"lengths\"` under [correction] (`--aim lengths`): then outlines that nothing fills are \
+         lines. For true areas, leave it as it is.",
+    ]),
     reason([
         "lens-not-determined",
         "The measurements do not determine the lens.",

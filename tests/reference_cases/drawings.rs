@@ -29,14 +29,33 @@ pub(crate) fn grid(width: f64, height: f64) -> Pattern {
 pub(crate) fn square() -> Pattern {
     let corners = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]];
     let sides = (0..4).map(|side| line(corners[side], corners[(side + 1) % 4]));
-    drawing([Shape::Closed(sides.collect())])
+    filled(drawing([Shape::Closed(sides.collect())]))
+}
+
+/// A filled drawing as outlines.
+pub(crate) fn outline(mut drawing: Pattern) -> Pattern {
+    drawing.paths.iter_mut().for_each(|path| path.region = None);
+    drawing
+}
+
+fn filled(mut drawing: Pattern) -> Pattern {
+    drawing.paths.iter_mut().for_each(|path| path.region = Some(0));
+    drawing
 }
 
 /// A filled disc of 30 mm across.
 pub(crate) fn disc() -> Pattern {
-    let (u, v) = (Vector2::new(15.0, 0.0), Vector2::new(0.0, 15.0));
-    let round = Segment::Arc { center: FlatPoint::new(0.0, 0.0), u, v, start: 0.0, sweep: TAU };
-    drawing([Shape::Closed(vec![round])])
+    filled(drawing([Shape::Closed(vec![round(15.0, 0.0, TAU)])]))
+}
+
+/// An open ring: an arc of `radius` mm with a gap of `gap` rad on the right.
+pub(crate) fn open_ring(radius: f64, gap: f64) -> Pattern {
+    drawing([Shape::Open(vec![round(radius, gap / 2.0, TAU - gap)])])
+}
+
+fn round(radius: f64, start: f64, sweep: f64) -> Segment {
+    let (u, v) = (Vector2::new(radius, 0.0), Vector2::new(0.0, radius));
+    Segment::Arc { center: FlatPoint::new(0.0, 0.0), u, v, start, sweep }
 }
 
 fn line(from: [f64; 2], to: [f64; 2]) -> Segment {

@@ -26,7 +26,7 @@ use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 
-use self::drawings::{letters, square};
+use self::drawings::{disc, letters, open_ring, outline, square};
 
 /// Two or three steps on the coarse grid, and at most eight rounds on the fine one.
 const MOST_STEPS: usize = 11;
@@ -231,6 +231,36 @@ fn each_aim_is_best_at_what_it_names() {
             assert!(lengths.length_error() <= balanced.length_error(), "{lengths:?}, balanced {balanced:?}");
             assert!(areas.area_error() <= balanced.area_error(), "{areas:?}, balanced {balanced:?}");
             assert!(shapes.angle() <= 0.6 * balanced.angle(), "{shapes:?}, balanced {balanced:?}");
+        }
+    }
+}
+
+#[test]
+fn outlines_that_nothing_fills_keep_their_lengths_with_the_aim_of_lengths() {
+    let surface = SPHERE.surface(28.5);
+    for drawing in [square(), disc()] {
+        let judged = |drawing, options| SPHERE.judged(&surface, drawing, &Method::Isometric(options));
+        let lines = outline(drawing.clone());
+        let outline = judged(&lines, IsometricOptions::LENGTHS);
+        let filled = judged(&drawing, IsometricOptions::LENGTHS);
+        // The lines of a ring or a square can be true: areas and lengths together cannot.
+        assert!(outline.length_error() < 3e-4 * outline.figures.length, "{outline:?}");
+        assert!(filled.length_error() > 5e-3 * filled.figures.length, "{filled:?}");
+    }
+}
+
+#[test]
+fn an_open_ring_is_not_folded_at_its_gap() {
+    // As it is drawn, the ring has its length on the sphere: a map without error exists.
+    let surface = SPHERE.surface(28.5);
+    for [radius, gap] in [[21.0f64, 10.0], [20.0, 20.0], [21.0, 30.0], [22.5, 10.0]] {
+        let ring = open_ring(radius, gap.to_radians());
+        for options in [IsometricOptions::INK, IsometricOptions::LENGTHS, IsometricOptions::SHAPES] {
+            let found = SPHERE.judged(&surface, &ring, &Method::Isometric(options));
+            assert!(
+                found.length_error() < 0.01 * found.figures.length,
+                "{radius} mm, {gap} degrees: {found:?}"
+            );
         }
     }
 }

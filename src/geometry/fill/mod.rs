@@ -16,7 +16,7 @@ use self::distance::DistanceField;
 use self::scan::{Interval, Outline};
 use self::trace::Tracer;
 use super::correction::{AboveLens, Projection};
-use super::ink::{bounding_paths, squares_inside};
+use super::ink::{bounding_paths, squares_filled};
 use super::mapping::Method;
 use super::normal_equations::SolveError;
 use super::pattern::{Color, Path, Pattern, Shape};
@@ -164,7 +164,8 @@ fn bounds_an_area(path: &Path) -> bool {
 }
 
 /// Fills the contours on layers for which `is_filled` is true, by the even-odd rule; an area that several regions of a layer
-/// cover is filled once. Strokes of letters and patterns are lines, also where they close. `None` if nothing is enclosed.
+/// cover is filled once. Regions inside outlines that are filled too, as letters in a frame, stay unfilled: otherwise nobody
+/// would see them. An outline that repeats the boundary of a region changes nothing. Strokes of letters and patterns are lines, also where they close. `None` if nothing is enclosed.
 ///
 /// # Errors
 /// See [`FillError`].
@@ -205,7 +206,7 @@ pub fn fill(
     }
     let places = |number: f64| {
         let side = (size.x * size.y / number).sqrt().max(size.max() / number);
-        (squares_inside(&contours, &extents, side), side)
+        (squares_filled(&contours, &extents, side), side)
     };
     let (squares, side) = places(20.0 * PLACES);
     let area = squares.len() as f64 * side * side;

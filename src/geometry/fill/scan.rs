@@ -106,7 +106,13 @@ fn crossings(field: &DistanceField, outlines: &[Outline], spacing: f64) -> Vec<C
     crossings
 }
 
-/// The pieces of one line inside the union of all regions, each in the colour of the innermost contour round its start.
+/// Whether a place is filled that is inside of these regions, where `None` is the inside of outlines: inside of a region or of
+/// outlines, but not of both.
+fn is_filled(regions: &[Option<u32>]) -> bool {
+    regions.contains(&None) != regions.iter().any(Option::is_some)
+}
+
+/// The pieces of one line that are filled, each in the colour of the innermost contour round its start.
 fn inside(line: &[Crossing], outlines: &[Outline], intervals: &mut Vec<Interval>) {
     // The contours round the place, the innermost last, and the regions that it is inside of.
     let mut around: Vec<usize> = Vec::new();
@@ -122,8 +128,8 @@ fn inside(line: &[Crossing], outlines: &[Outline], intervals: &mut Vec<Interval>
             Some(position) => drop(regions.remove(position)),
             None => regions.push(outline.region),
         }
-        match (regions.is_empty(), open.as_mut()) {
-            (false, None) => {
+        match (is_filled(&regions), open.as_mut()) {
+            (true, None) => {
                 let color = around.last().and_then(|index| outlines.get(*index)).unwrap_or(outline).color;
                 open = Some(Interval {
                     line: crossing.line,
@@ -133,12 +139,12 @@ fn inside(line: &[Crossing], outlines: &[Outline], intervals: &mut Vec<Interval>
                     color,
                 });
             }
-            (true, Some(piece)) => {
+            (false, Some(piece)) => {
                 piece.to = crossing.along;
                 intervals.push(*piece);
                 open = None;
             }
-            (false, Some(_)) | (true, None) => {}
+            (true, Some(_)) | (false, None) => {}
         }
     }
 }

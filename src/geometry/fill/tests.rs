@@ -353,3 +353,33 @@ fn open_lines_and_contours_without_area_are_not_filled() {
     assert!((found[0].gap - 0.3).abs() < 1e-12);
     assert!(open_lines(&lines, |_| false).is_empty());
 }
+
+fn of_region(path: Path, region: u32) -> Path {
+    Path { region: Some(region), ..path }
+}
+
+#[test]
+fn letters_in_a_filled_frame_stay_unfilled() {
+    let frame = rectangle(-10.0, -5.0, 10.0, 5.0);
+    let (letter, hole) = (circle(0.0, 0.0, 4.0), circle(0.0, 0.0, 2.0));
+    let pattern = drawing(vec![frame, of_region(letter, 3), of_region(hole, 3)]);
+    let found = flat(&pattern, &options(0.1, &[0.0]));
+    let expected = 200.0 - TAU / 2.0 * (16.0 - 4.0);
+    assert!((found.area - expected).abs() < 0.006 * expected, "{} of {expected} mm²", found.area);
+    let lines: f64 = rows(&found).iter().map(|(_, length)| length).sum();
+    assert!((lines * 0.1 - expected).abs() < 0.002 * expected, "{lines} mm of lines");
+}
+
+#[test]
+fn an_outline_that_repeats_the_boundary_of_a_region_changes_nothing() {
+    let (outer, inner) = (circle(1.0, 2.0, 8.0), circle(1.0, 2.0, 3.0));
+    let ring = [of_region(outer.clone(), 1), of_region(inner.clone(), 1)];
+    let alone = flat(&drawing(ring.to_vec()), &options(0.1, &[0.0]));
+    for outlines in [vec![inner.clone()], vec![outer.clone()], vec![outer, inner]] {
+        let found = flat(&drawing([ring.to_vec(), outlines].concat()), &options(0.1, &[0.0]));
+        assert!((found.area - alone.area).abs() < 1e-9, "{} and {} mm²", found.area, alone.area);
+        let pairs = rows(&found).into_iter().zip(rows(&alone));
+        assert!(found.lines.len() == alone.lines.len());
+        assert!(pairs.into_iter().all(|((_, one), (_, other))| (one - other).abs() < 1e-6));
+    }
+}

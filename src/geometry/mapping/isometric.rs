@@ -94,6 +94,9 @@ const PIN_WEIGHT: f64 = 1e4;
 
 /// Weight of the sizes of cells that lines enclose, relative to that of inked areas: the lines are the ink.
 const CELLS: f64 = 0.25;
+/// Factors on the weight of the paper, tried one after the other while the map folds the paper between the ink: by turns from
+/// the start for the ink, and from the map with equal weights.
+const STIFFER_PAPER: [f64; 6] = [1.0, 1.0, 4.0, 4.0, 16.0, 16.0];
 /// Factors on the weight of the angles, tried one after the other.
 const STIFFER: [f64; 3] = [1.0, 1.5, 2.2];
 /// How finely the ink is sampled on the coarse grid …
@@ -130,7 +133,7 @@ impl IsometricMap {
         anchor: FlatPoint,
         options: &IsometricOptions,
     ) -> Result<Self, IsometricError> {
-        let with_cells = enclosed::with_enclosed_cells(ink);
+        let with_cells = if options.are_outlines_areas { enclosed::with_enclosed_cells(ink) } else { None };
         let ink = with_cells.as_ref().unwrap_or(ink);
         let mut extents = ink.extents;
         extents.include(anchor.coords());
@@ -152,26 +155,41 @@ impl IsometricMap {
             let inked = map.samples(ink, &Weights::START, COARSE);
             let task = Task { surface, samples: &inked, anchor, cap: f64::INFINITY };
             let even = map.even_strains(&task);
+            let mut flat = map.clone();
             map.descend(&Task { cap: even.angle, ..task }, &solver, START_STEPS)?;
             map.refine();
             let solver = map.solver()?;
             let start = map.control.clone();
             let of_cells = if with_cells.is_some() { CELLS } else { 1.0 };
-            // Where the limit for the angle error leaves no gain, more weight on the angles comes nearer to it.
-            for stiffness in STIFFER {
-                let options = IsometricOptions {
-                    area_weight: of_cells * options.area_weight,
-                    angle_weight: stiffness * options.angle_weight,
-                    ..*options
-                };
-                let mut fine = map.samples(ink, &options.weights(), FINE);
-                map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver);
-                if map.settled {
+            let given = IsometricOptions { area_weight: of_cells * options.area_weight, ..*options };
+            for (attempt, paper) in STIFFER_PAPER.into_iter().enumerate() {
+                if attempt % 2 == 1 {
+                    if flat.control.len() < start.len() {
+                        flat.refine();
+                    }
+                    map.control.clone_from(&flat.control);
+                } else {
+                    map.control.clone_from(&start);
+                }
+                // Where the limit for the angle error leaves no gain, more weight on the angles comes nearer to it.
+                for stiffness in STIFFER {
+                    let options = IsometricOptions {
+                        angle_weight: stiffness * given.angle_weight,
+                        box_weight: paper * given.box_weight,
+                        ..given
+                    };
+                    let mut fine = map.samples(ink, &options.weights(), FINE);
+                    map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver);
+                    if map.settled {
+                        break;
+                    }
+                }
+                if !map.settled {
                     break;
                 }
-            }
-            if map.settled && map.fold(surface, ink).is_none() {
-                return Ok(map);
+                if map.fold(surface, ink).is_none() {
+                    return Ok(map);
+                }
             }
             // The part is rough: sums of squares with steps that are as short as they must be.
             map.control = start;

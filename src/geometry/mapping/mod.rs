@@ -154,9 +154,8 @@ impl LengthTrueMap {
                 *weights,
             )?)),
             Method::Isometric(options) => {
-                let map =
-                    IsometricMap::solve(&surface.nurbs, &coarse_ink(pattern, is_marked), anchor, options)?;
-                Ok(Self::Isometric(map))
+                let ink = coarse_ink(pattern, is_marked);
+                Self::isometric(surface, (pattern, is_marked), ink, anchor, options)
             }
             Method::Auto { exact_tolerance, otherwise } => {
                 let ink = coarse_ink(pattern, is_marked);
@@ -171,9 +170,24 @@ impl LengthTrueMap {
                         }
                     }
                 }
-                Ok(Self::Isometric(IsometricMap::solve(&surface.nurbs, &ink, anchor, otherwise)?))
+                Self::isometric(surface, (pattern, is_marked), ink, anchor, otherwise)
             }
         }
+    }
+
+    /// `ink` is the drawing with the areas of its outlines.
+    fn isometric(
+        surface: &FittedSurface,
+        (pattern, is_marked): (&Pattern, &dyn Fn(&str) -> bool),
+        ink: Ink,
+        anchor: FlatPoint,
+        options: &IsometricOptions,
+    ) -> Result<Self, MapError> {
+        let ink = match options.are_outlines_areas {
+            true => ink,
+            false => Ink::sample_as_marked(pattern, is_marked, COARSE_PIECE, COARSE_SQUARE),
+        };
+        Ok(Self::Isometric(IsometricMap::solve(&surface.nurbs, &ink, anchor, options)?))
     }
 
     fn unroll_cylinder(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
@@ -289,8 +303,12 @@ fn reach(ink: &Ink, anchor: FlatPoint) -> f64 {
     farthest.norm()
 }
 
-/// Samples for the solver: half as dense in each direction as those for the quality results, which is enough for the
+/// Samples for the solver are half as dense in each direction as those for the quality results, which is enough for the
 /// reference cases to reach their expected values.
+const COARSE_PIECE: f64 = 2.0 * quality::PIECE;
+const COARSE_SQUARE: f64 = 2.0 * quality::SQUARE;
+
+/// Samples for the solver.
 fn coarse_ink(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
-    Ink::sample(pattern, is_marked, 2.0 * quality::PIECE, 2.0 * quality::SQUARE)
+    Ink::sample(pattern, is_marked, COARSE_PIECE, COARSE_SQUARE)
 }

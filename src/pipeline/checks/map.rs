@@ -25,6 +25,10 @@ const UNKNOWN_SHARE: f64 = 0.1;
 const CAD: [&str; 2] = ["Open CASCADE", "FreeCAD"];
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
+/// A correction that multiplies the length error by more than this …
+const LOST: f64 = 1.1;
+/// … and adds more than this, mm, is worth a notice.
+const NOTABLE_LOSS: f64 = 0.02;
 /// The share of an uncertain stretch that is only the peak of what is possible. A warning needs what is likely.
 const PEAK_ONLY: f64 = 2.0 / 3.0;
 
@@ -236,6 +240,36 @@ fn finer_facets(facts: &PartFacts) -> &'static str {
              Subdivision modifier."
         }
     }
+}
+
+/// Warns of lines that the correction makes less true than they are in the drawing as it is, because it keeps areas, shapes and
+/// distances too.
+pub(in crate::pipeline) fn traded(
+    map: &LengthTrueMap,
+    before: Option<&Distortion>,
+    after: &Distortion,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) {
+    let Some(before) = before.filter(|_| !map.is_for_comparison()) else { return };
+    let [was, is] = [before, after].map(|figures| figures.length_error);
+    // What is not known of the part is in both figures, and what the correction gains elsewhere is worth a little.
+    if is - after.uncertain.length_error <= LOST * was + NOTABLE_LOSS {
+        return;
+    }
+    let CorrectionSettings { weighting, aim, .. } = settings.correction;
+    let remedy = if weighting == Weighting::Uniform || aim != Aim::Lengths {
+        "For true lines, set `aim = \"lengths\"` under [correction] (`--aim lengths`, with the weighting `ink`)."
+    } else {
+        "Without a correction (`--method none`), the lines are truer."
+    };
+    notices.push(Notice::warning(
+        "lengths-traded",
+        format!(
+            "the correction makes the lines less true: they would be wrong by {was:.3} mm in all without it, and are wrong by \
+             {is:.3} mm with it, because it keeps the sizes and the shapes of areas. {remedy}"
+        ),
+    ));
 }
 
 /// Warns of errors that even the best map leaves, and of maps that are only for comparison.

@@ -16,6 +16,9 @@ pub struct IsometricOptions {
     /// Weight of the strain in all directions equally over the whole box, inked or not. With a small weight, the
     /// parts of the drawing move relative to each other.
     pub box_weight: f64,
+    /// Whether outlines that nothing fills, and the cells that lines enclose, are areas too: their sizes and shapes count. If
+    /// not, they are lines.
+    pub are_outlines_areas: bool,
     /// Side of a cell of the map, mm.
     pub cell: f64,
     /// Minimum and maximum number of cells in the box.
@@ -32,6 +35,7 @@ impl IsometricOptions {
         angle_weight: 0.0,
         angle_limit: f64::INFINITY,
         box_weight: 1.0,
+        are_outlines_areas: true,
         cell: 1.5,
         cells: [200, 900],
         is_thorough: false,
@@ -47,8 +51,15 @@ impl IsometricOptions {
         box_weight: 0.006,
         ..Self::UNIFORM
     };
-    /// The lengths of lines first; the ink may shear half as much again as with [`Self::UNIFORM`].
-    pub const LENGTHS: Self = Self { area_weight: 1.5, angle_weight: 0.1, angle_limit: 1.5, ..Self::INK };
+    /// The lengths of lines first, and of outlines that nothing fills nothing but their lengths; the ink may shear half as much
+    /// again as with [`Self::UNIFORM`].
+    pub const LENGTHS: Self = Self {
+        area_weight: 1.5,
+        angle_weight: 0.1,
+        angle_limit: 1.5,
+        are_outlines_areas: false,
+        ..Self::INK
+    };
     /// The sizes of inked areas first.
     pub const AREAS: Self = Self { line_weight: 0.2, area_weight: 40.0, ..Self::INK };
     /// The shapes of the ink first: its angles.
@@ -64,7 +75,7 @@ impl IsometricOptions {
         ..Self::INK
     };
     /// Nothing but the lengths of lines.
-    pub const ONLY_LENGTHS: Self = Self { line_weight: 1.0, ..Self::ONE };
+    pub const ONLY_LENGTHS: Self = Self { line_weight: 1.0, are_outlines_areas: false, ..Self::ONE };
     /// Nothing but the sizes of inked areas.
     pub const ONLY_AREAS: Self = Self { area_weight: 1.0, ..Self::ONE };
     /// Nothing but the angles of the ink.

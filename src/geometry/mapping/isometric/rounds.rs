@@ -85,7 +85,9 @@ impl Figures {
                     figures.area += sample.area * (strain.area() - 1.0).abs();
                 }
                 if sample.all_round > 0.0 {
-                    figures.paper += sample.all_round * strain.largest_stretch().powi(2);
+                    figures.paper += sample.all_round
+                        * (strain.largest_stretch().powi(2)
+                            + strain.resistance_to_folds() * (strain.area() - 1.0).powi(2));
                 }
                 if sample.is_ink() {
                     angles += sample.angle;

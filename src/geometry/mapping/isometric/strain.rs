@@ -268,6 +268,11 @@ fn gathered(
         .collect()
 }
 
+/// Paper that keeps less than this share of its area resists …
+const SQUEEZED: f64 = 0.5;
+/// … most from this share on.
+const FOLDED: f64 = 0.05;
+
 impl Strain {
     /// Calls `take` with the weight, the residual and its derivative for everything that is measured at the sample.
     #[inline(always)]
@@ -315,6 +320,11 @@ impl Strain {
                 let (strain, derivative) = self.stretch(direction);
                 take(sample.all_round / 4.0 * stiffness, strain, &derivative);
             }
+            let squeezed = self.resistance_to_folds();
+            if squeezed > 0.0 {
+                let (strain, derivative) = self.area_strain();
+                take(sample.all_round * squeezed, strain, &derivative);
+            }
         }
         if sample.angle > 0.0 {
             let shear = self.shear();
@@ -332,6 +342,13 @@ impl Strain {
     /// The largest absolute strain in four directions.
     pub(super) fn largest_stretch(&self) -> f64 {
         ALL_ROUND.iter().map(|direction| self.stretch(direction).0.abs()).fold(0.0, f64::max)
+    }
+
+    /// How many times as much as other strains the change of its area counts where the map squeezes the paper to less than half of
+    /// its area or folds it: 0 elsewhere. Lengths alone do not resist a fold, behind which they are right again.
+    pub(super) fn resistance_to_folds(&self) -> f64 {
+        let area = self.area();
+        if area < SQUEEZED { (SQUEEZED / area.max(FOLDED)).powi(2) } else { 0.0 }
     }
 
     /// Ratio of area on the surface to area in the drawing; negative where the map folds the drawing over.

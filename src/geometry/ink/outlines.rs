@@ -1,0 +1,99 @@
+//! Outlines that repeat the boundary of a fill: drawings often have both, so that the edge of the fill is marked as a line.
+
+use crate::geometry::pattern::{Path, Shape};
+use crate::geometry::space::{Extents, FlatPoint};
+
+/// An outline at most this far from the boundary of a fill, mm, repeats it. Programs write the two with different curves and
+/// rounding.
+const COINCIDENT: f64 = 0.01;
+/// Number of points of a contour that are compared with another one.
+const COMPARED: usize = 256;
+
+/// For each of `outlines`, whether it draws the same as one of the `boundaries` of fills, whatever their curves, starts and
+/// directions are.
+pub(super) fn repeat_boundaries(outlines: &[&Path], boundaries: &[&Path]) -> Vec<bool> {
+    if boundaries.is_empty() {
+        return vec![false; outlines.len()];
+    }
+    let mut boxes: Vec<(Extents, usize)> =
+        boundaries.iter().enumerate().map(|(index, path)| (extents(&path.shape), index)).collect();
+    boxes.sort_by(|a, b| a.0.min.x.total_cmp(&b.0.min.x));
+    let repeats = |outline: &&Path| {
+        let own = extents(&outline.shape);
+        let from = boxes.partition_point(|(other, _)| other.min.x < own.min.x - COINCIDENT);
+        let near = boxes[from..].iter().take_while(|(other, _)| other.min.x <= own.min.x + COINCIDENT);
+        let mut alike = near.filter(|(other, _)| {
+            (own.min - other.min).amax() <= COINCIDENT && (own.max - other.max).amax() <= COINCIDENT
+        });
+        alike.any(|(_, index)| is_the_same(&outline.shape, &boundaries[*index].shape))
+    };
+    outlines.iter().map(repeats).collect()
+}
+
+fn extents(shape: &Shape) -> Extents {
+    let mut extents = Extents::EMPTY;
+    for segment in shape.segments() {
+        let of_segment = segment.extents();
+        extents.include(of_segment.min);
+        extents.include(of_segment.max);
+    }
+    extents
+}
+
+/// Whether two contours are nowhere farther apart than [`COINCIDENT`], at [`COMPARED`] points of each.
+fn is_the_same(one: &Shape, other: &Shape) -> bool {
+    let [one, other] = [one, other].map(|shape| shape.flattened(COINCIDENT / 4.0));
+    let is_near = |points: &[FlatPoint], contour: &[FlatPoint]| {
+        let every = points.len().div_ceil(COMPARED).max(1);
+        points.iter().step_by(every).all(|point| distance(*point, contour) <= COINCIDENT)
+    };
+    is_near(&one, &other) && is_near(&other, &one)
+}
+
+/// Distance of a point from a closed polyline, mm.
+fn distance(point: FlatPoint, contour: &[FlatPoint]) -> f64 {
+    let sides = contour.iter().zip(contour.iter().cycle().skip(1));
+    let to_side = |(from, to): (&FlatPoint, &FlatPoint)| {
+        let along = *to - *from;
+        let share = (point - *from).dot(&along) / along.norm_squared();
+        let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
+        point.distance(from.lerp(*to, share))
+    };
+    sides.map(to_side).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use nalgebra::Vector2;
+
+    use super::*;
+    use crate::geometry::pattern::{Color, Segment, Source};
+
+    fn path(segments: Vec<Segment>) -> Path {
+        let shape = Shape::Closed(segments);
+        Path { layer: 0, color: Color::ByLayer, shape, region: None, source: Source::default() }
+    }
+
+    fn arc(radius: f64, start: f64, sweep: f64) -> Segment {
+        let (u, v) = (Vector2::new(radius, 0.0), Vector2::new(0.0, radius));
+        Segment::Arc { center: FlatPoint::new(1.0, 2.0), u, v, start, sweep }
+    }
+
+    /// A circle of 5 mm as a polygon, from another start and in the other direction.
+    fn polygon(sides: usize) -> Path {
+        let corner = |index: usize| arc(5.0, 1.0, -TAU).point(index as f64 / sides as f64);
+        path((0..sides).map(|side| Segment::Line { from: corner(side), to: corner(side + 1) }).collect())
+    }
+
+    #[test]
+    fn a_contour_is_the_same_with_other_curves_starts_and_directions() {
+        let circle = path(vec![arc(5.0, 0.0, TAU)]);
+        let halves = path(vec![arc(5.0, 2.0, TAU / 2.0), arc(5.0, 2.0 + TAU / 2.0, TAU / 2.0)]);
+        let (fine, coarse, larger) = (polygon(400), polygon(20), path(vec![arc(5.02, 0.0, TAU)]));
+        let outlines = [&halves, &fine, &coarse, &larger];
+        assert_eq!(repeat_boundaries(&outlines, &[&larger, &circle]), [true, true, false, true]);
+        assert_eq!(repeat_boundaries(&outlines, &[]), [false; 4]);
+    }
+}
