@@ -23,6 +23,7 @@ use crate::formats::Pace;
 use crate::formats::mesh::PartFacts;
 use crate::formats::pattern::{self, DxfProfile, PatternFacts, PatternOptions, RepairPlace};
 use crate::geometry::correction::{Bent, Exposure, Projection};
+use crate::geometry::distances::distances;
 use crate::geometry::frame_outline::frame_outline;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::floater::FloaterWeights;
@@ -38,8 +39,8 @@ use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::preview::Preview;
 use crate::reason::{Notice, Reason};
 use crate::report::{
-    self, ChangesReport, DistortionReport, MapReport, OutputReport, PartReport, PatternReport,
-    PlacementReport, Quality, Report, SensitivityReport, Timing, WeightsReport,
+    self, ChangesReport, DistancesReport, DistortionReport, MapReport, OutputReport, PartReport,
+    PatternReport, PlacementReport, Quality, Report, SensitivityReport, Timing, WeightsReport,
 };
 use crate::report_html::Landmarks;
 
@@ -356,6 +357,16 @@ impl Pipeline {
         before.iter_mut().for_each(|before| before.shorten(shortened_as_drawn.iter().copied()));
         clock.lap("measure");
 
+        // Where the part can be unrolled, distances are as true as lines.
+        let distances = (tiles.is_none() && map.fit_residual().is_none())
+            .then(|| {
+                let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+                let height = |at| surface.sampled_height(at);
+                distances(&placed, &is_ink, &|at| map.point(at), &height)
+            })
+            .flatten();
+        clock.lap("measure distances");
+
         steps.at(Step::Write);
         let map_report = MapReport::new(map, weights(&settings.correction));
         checks::unrolled(map, &mut notices);
@@ -363,6 +374,7 @@ impl Pipeline {
         notices.extend(checks::alignment(round.as_ref(), settings));
         checks::settled(sku, map, settings, &mut notices);
         checks::traded(map, before.as_ref(), &after, settings, &mut notices);
+        checks::distances(map, distances.as_ref(), lift, settings, &mut notices);
         checks::quality(map, &after, part, lift, &ink.extents, &mut notices);
         checks::uncertain(&after, &part.facts, &mut notices).map_err(&rejected)?;
         drawing.comments = comments(sku, learned, input, settings);
@@ -447,7 +459,11 @@ impl Pipeline {
             },
             placement: PlacementReport { round, ..placing.report(settings) },
             map: map_report,
-            quality: Quality { before: before.as_ref().map(DistortionReport::from), after: (&after).into() },
+            quality: Quality {
+                before: before.as_ref().map(DistortionReport::from),
+                after: (&after).into(),
+                distances: distances.as_ref().map(DistancesReport::from),
+            },
             exposure: exposure.into(),
             sensitivity: Some(SensitivityReport::new(sensitivity, &settings.pose_uncertainty)),
             fill: filled.as_ref().map(|filled| filled.report.clone()),

@@ -20,6 +20,7 @@ use crate::diff::DrawingDiff;
 use crate::formats::mesh::{FrameFacts, PartFacts};
 use crate::formats::pattern::PatternFacts;
 use crate::geometry::correction::Exposure;
+use crate::geometry::distances::Distances;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::floater::FloaterWeights;
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
@@ -305,6 +306,29 @@ pub struct Quality {
     pub before: Option<DistortionReport>,
     /// With the correction.
     pub after: DistortionReport,
+    /// How distances between the marks change, with the correction; absent on planes, cylinders and cones, where they do not, for
+    /// marks round a part, and without two marks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distances: Option<DistancesReport>,
+}
+
+/// How distances between neighbouring places of the marks change: across gaps, from letter to letter, from dot to dot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct DistancesReport {
+    /// Number of distances that were measured.
+    pub measured: usize,
+    /// Sum of their changes / sum of the distances.
+    pub mean_change: f64,
+    /// The largest relative change: distance on the part / distance drawn - 1.
+    pub largest_change: f64,
+    /// This distance in the drawing, mm.
+    pub drawn_mm: f64,
+    /// The same on the part, mm.
+    pub marked_mm: f64,
+    /// Its middle in the placed drawing, mm.
+    pub at_mm: [f64; 2],
 }
 
 /// The results of [`Distortion`].
@@ -555,6 +579,20 @@ impl From<&Distortion> for DistortionReport {
     }
 }
 
+impl From<&Distances> for DistancesReport {
+    fn from(distances: &Distances) -> Self {
+        let Distances { count, mean_change, worst, .. } = distances;
+        Self {
+            measured: *count,
+            mean_change: *mean_change,
+            largest_change: worst.share(),
+            drawn_mm: worst.drawn,
+            marked_mm: worst.marked,
+            at_mm: worst.at.coords().into(),
+        }
+    }
+}
+
 impl UncertainReport {
     fn new(uncertain: &Uncertain) -> Option<Self> {
         (uncertain.max_slope > 0.0).then(|| Self {
@@ -671,6 +709,15 @@ impl Report {
             from(|quality| quality.max_angle_error_deg, 2),
             after.max_angle_error_deg,
         ));
+        if let Some(distances) = &self.quality.distances {
+            lines.push(format!(
+                "distances     between marks change by {:.2} % on average, at most by {:+.1} %: {:.2} mm are {:.2} mm",
+                distances.mean_change * 100.0,
+                distances.largest_change * 100.0,
+                distances.drawn_mm,
+                distances.marked_mm,
+            ));
+        }
         if before.is_none() {
             lines.push(
                 "without values before the correction: the drawing as drawn is not completely on the part"

@@ -29,6 +29,7 @@ pub mod ink;
 pub mod relief;
 mod chords;
 pub mod close_lines;
+pub mod distances;
 mod divided;
 pub mod ink_mesh;
 pub mod mapping;

@@ -227,6 +227,21 @@ fn contours(
         };
         notices.push(notice.at_places(places));
     }
+    let unfilled = fill::regions_in_outlines(placed, is_filled);
+    if !unfilled.is_empty() {
+        let what = match unfilled.len() {
+            1 => "1 letter, hatch or other area is inside an outline that is filled, and stays unfilled"
+                .to_owned(),
+            many => format!(
+                "{many} letters, hatches or other areas are inside outlines that are filled, and stay unfilled"
+            ),
+        };
+        let message = format!(
+            "{what}. To fill these instead, put the outline on another layer and name the layers to fill (`layers` under [fill])"
+        );
+        let places = unfilled.iter().filter_map(|at| place(*at));
+        notices.push(Notice::note("fill-in-outline", message).at_places(places));
+    }
     let crossings = fill::self_crossings(placed, is_filled);
     if let Some(first) = crossings.first() {
         let what = match crossings.len() {

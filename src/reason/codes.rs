@@ -267,6 +267,15 @@ const CODES: &[Code] = &[
          if the gaps must be marked.",
     ]),
     notice([
+        "distance-changes",
+        "The distance between two marks is another one on the part than in the drawing.",
+        "On a part that is curved in two directions, no map keeps everything. isomark keeps the lengths of lines and the sizes and \
+         shapes of areas, and the empty space between them gives way: gaps, and distances from letter to letter or from dot to \
+         dot. `quality.distances` in the report has the mean and the largest change.",
+        "Where distances matter as much as lines, set `weighting = \"uniform\"` under [correction] (`--weighting uniform`). \
+         Otherwise nothing.",
+    ]),
+    notice([
         "drawing-askew",
         "The drawing is slightly askew on a cylinder or cone.",
         "On a tilted cylinder or cone, or beside its crest, a direction that is horizontal in the laser's view is not \
@@ -407,6 +416,14 @@ const CODES: &[Code] = &[
         "The lines of a fill are closer together than the spot is wide.",
         "Each line of the fill is as wide as `spot_mm` under [optics]. Lines that are closer together overlap: the area is marked several times, deeper and darker.",
         "Give `spacing_mm` under [fill] at least the width of the spot. If the lines are to overlap, remove `spot_mm`.",
+    ]),
+    notice([
+        "fill-in-outline",
+        "Letters or hatches are inside an outline that is filled, and stay unfilled.",
+        "A fill fills all closed contours of its layers. If letters inside a filled frame were filled too, nobody would see them: \
+         so they stay unfilled, and the frame round them is filled.",
+        "To fill the letters and mark the frame as a line, put the frame on another layer and name the layers to fill \
+         (`layers` under [fill]). To fill the frame, do nothing.",
     ]),
     notice([
         "fill-layer-missing",

@@ -475,3 +475,70 @@ fn coarse_facets_are_named_where_most_of_a_stretch_is_uncertain() {
     }
     assert!(message("stretch-remains").contains("may be wrong by up to"));
 }
+
+/// The top of a ball of 30 mm as OBJ, 54 mm across.
+fn ball() -> String {
+    let ball = isomark::geometry::shapes::graph(27.0, 1.0, isomark::geometry::shapes::sphere);
+    let vertices = ball.positions.iter().map(|at| format!("v {} {} {}\n", at.x, at.y, at.z));
+    let facets = ball.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    vertices.chain(facets).collect()
+}
+
+fn entities(records: &str) -> String {
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n{records}0\nENDSEC\n0\nEOF\n"
+    )
+}
+
+#[test]
+fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_reported() {
+    let desk = Desk::new();
+    desk.write("ball.obj", &ball());
+    desk.write("ring.dxf", &entities("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n20\n"));
+    let dots = |step: f64| {
+        let dot = |index: i32| {
+            let [x, y] = [index % 7 - 3, index / 7 - 3].map(|place| f64::from(place) * step);
+            format!("0\nPOINT\n8\n0\n10\n{x}\n20\n{y}\n")
+        };
+        entities(&(0..49).map(dot).collect::<String>())
+    };
+    desk.write("dots.dxf", &dots(5.0));
+    desk.write("near.dxf", &dots(1.0));
+    let corrected = |drawing: &str, options: &str| {
+        let options = format!("--part-unit mm --part-up z --facing +z --place 0,0 {options}");
+        let [part, drawing] =
+            ["ball.obj", drawing].map(|name| desk.path(name).to_string_lossy().into_owned());
+        let report = desk.correct(&part, &drawing, &options);
+        let codes: Vec<String> = report["notices"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|n| n["code"].as_str().unwrap().into())
+            .collect();
+        (report, codes)
+    };
+    let has = |codes: &[String], code: &str| codes.iter().any(|found| found == code);
+    // Round the top of a ball, the ring is true as it is drawn. As an area, it is too large.
+    let (report, codes) = corrected("ring.dxf", "");
+    let length_error = |report: &Value| report["quality"]["after"]["length_error_mm"].as_f64().unwrap();
+    assert!(has(&codes, "lengths-traded") && length_error(&report) > 1.0, "{codes:?}");
+    let (report, codes) = corrected("ring.dxf", "--aim lengths");
+    assert!(!has(&codes, "lengths-traded") && length_error(&report) < 0.1, "{codes:?}");
+    // With a fill, it is an area whatever the aim is.
+    let (report, codes) = corrected("ring.dxf", "--aim lengths --fill 0.2");
+    assert!(has(&codes, "lengths-traded") && length_error(&report) > 1.0, "{codes:?}");
+
+    let frame =
+        "0\nLWPOLYLINE\n8\n0\n90\n4\n70\n1\n10\n-9\n20\n-5\n10\n9\n20\n-5\n10\n9\n20\n5\n10\n-9\n20\n5\n";
+    let hatch = "0\nSOLID\n8\n0\n10\n-2\n20\n-2\n11\n2\n21\n-2\n12\n-2\n22\n2\n13\n2\n23\n2\n";
+    desk.write("frame.dxf", &entities(&format!("{frame}{hatch}")));
+    let (report, codes) = corrected("frame.dxf", "--fill 0.1");
+    let area = report["fill"]["area_mm2"].as_f64().unwrap();
+    assert!(has(&codes, "fill-in-outline") && (area - 164.0).abs() < 1.5, "{area} mm²: {codes:?}");
+
+    let change = |report: &Value| report["quality"]["distances"]["largest_change"].as_f64().unwrap().abs();
+    let (report, codes) = corrected("dots.dxf", "");
+    assert!(has(&codes, "distance-changes") && change(&report) > 0.05, "{codes:?}");
+    let (report, codes) = corrected("near.dxf", "");
+    assert!(!has(&codes, "distance-changes") && change(&report) < 0.01, "{codes:?}");
+}

@@ -9,6 +9,8 @@ mod distance;
 mod scan;
 mod trace;
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix2, Vector2};
 
 use self::crossing::crossing;
@@ -157,6 +159,40 @@ pub fn self_crossings(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Ve
     outlines.filter_map(|path| crossing(&path.shape.flattened(CONTOUR * 10.0))).collect()
 }
 
+/// Where hatches, letters and other regions on filled layers are inside outlines that are filled too, and so stay unfilled: the
+/// start of each region, mm.
+pub fn regions_in_outlines(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<FlatPoint> {
+    let groups = bounding_paths(pattern, is_filled);
+    let mut outlines: BTreeMap<usize, Vec<(Extents, Vec<FlatPoint>)>> = BTreeMap::new();
+    for ((layer, _), paths) in groups.iter().filter(|((_, region), _)| region.is_none()) {
+        let bounding = paths.iter().filter(|path| bounds_an_area(path));
+        let flattened = bounding.map(|path| path.shape.flattened(CONTOUR * 10.0));
+        let with_extents =
+            flattened.map(|points| (Extents::of(points.iter().map(|point| point.coords())), points));
+        outlines.insert(*layer, with_extents.collect());
+    }
+    let regions = groups.iter().filter(|((_, region), _)| region.is_some());
+    let inside = regions.filter_map(|((layer, _), paths)| {
+        let start = paths.first()?.shape.segments().first()?.start();
+        let around = outlines
+            .get(layer)?
+            .iter()
+            .filter(|(extents, points)| extents.contains(start.coords()) && is_inside(start, points));
+        (around.count() % 2 == 1).then_some(start)
+    });
+    inside.collect()
+}
+
+/// Whether a point is inside a closed polyline, by the even-odd rule.
+fn is_inside(at: FlatPoint, contour: &[FlatPoint]) -> bool {
+    let sides = contour.iter().zip(contour.iter().cycle().skip(1));
+    let crossed = sides.filter(|(from, to)| {
+        (from.y > at.y) != (to.y > at.y)
+            && at.x < from.x + (to.x - from.x) * ((at.y - from.y) / (to.y - from.y))
+    });
+    crossed.count() % 2 == 1
+}
+
 /// Whether a closed path bounds something that can be filled: strokes of letters and patterns are lines, unless they bound a region, as
 /// the letters of outline fonts and the cells of codes do.
 fn bounds_an_area(path: &Path) -> bool {
@@ -177,7 +213,7 @@ pub fn fill(
 ) -> Result<Option<Filling>, FillError> {
     let groups = bounding_paths(pattern, is_filled);
     let mut layers: Vec<(usize, Vec<Outline>)> = Vec::new();
-    let mut contours = std::collections::BTreeMap::new();
+    let mut contours = BTreeMap::new();
     for ((layer, region), mut paths) in groups {
         paths.retain(|path| bounds_an_area(path));
         if paths.is_empty() {

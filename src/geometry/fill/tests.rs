@@ -368,6 +368,13 @@ fn letters_in_a_filled_frame_stay_unfilled() {
     assert!((found.area - expected).abs() < 0.006 * expected, "{} of {expected} mm²", found.area);
     let lines: f64 = rows(&found).iter().map(|(_, length)| length).sum();
     assert!((lines * 0.1 - expected).abs() < 0.002 * expected, "{lines} mm of lines");
+    assert_eq!(regions_in_outlines(&pattern, |_| true), [FlatPoint::new(4.0, 0.0)]);
+    // Beside the frame, and inside two frames of which the inner one is a hole.
+    let beside = drawing(vec![rectangle(-10.0, -5.0, 10.0, 5.0), of_region(circle(0.0, 8.0, 2.0), 3)]);
+    assert!(regions_in_outlines(&beside, |_| true).is_empty());
+    let twice = [rectangle(-10.0, -6.0, 10.0, 6.0), rectangle(-9.0, -5.0, 9.0, 5.0)];
+    let in_hole = drawing([twice.to_vec(), vec![of_region(circle(0.0, 0.0, 2.0), 3)]].concat());
+    assert!(regions_in_outlines(&in_hole, |_| true).is_empty());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::off_surface;
 use crate::formats::mesh::{NormalsUsed, PartFacts};
+use crate::geometry::distances::Distances;
 use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
@@ -29,6 +30,10 @@ const NOTABLE_STRETCH: f64 = 0.02;
 const LOST: f64 = 1.1;
 /// … and adds more than this, mm, is worth a notice.
 const NOTABLE_LOSS: f64 = 0.02;
+/// A distance between marks that changes by more than this share …
+const NOTABLE_CHANGE: f64 = 0.05;
+/// … and by more than this, mm, is worth a notice.
+const NOTABLE_DISTANCE: f64 = 0.1;
 /// The share of an uncertain stretch that is only the peak of what is possible. A warning needs what is likely.
 const PEAK_ONLY: f64 = 2.0 / 3.0;
 
@@ -270,6 +275,40 @@ pub(in crate::pipeline) fn traded(
              {is:.3} mm with it, because it keeps the sizes and the shapes of areas. {remedy}"
         ),
     ));
+}
+
+/// Warns of distances between marks that change, because the space between lines gives way.
+pub(in crate::pipeline) fn distances(
+    map: &LengthTrueMap,
+    found: Option<&Distances>,
+    lift: Lift,
+    settings: &JobSettings,
+    notices: &mut Vec<Notice>,
+) {
+    let Some(Distances { worst, .. }) = found.filter(|_| !map.is_for_comparison()) else { return };
+    let share = worst.share();
+    if share.abs() < NOTABLE_CHANGE || (worst.marked - worst.drawn).abs() < NOTABLE_DISTANCE {
+        return;
+    }
+    let remedy = match settings.correction.weighting {
+        Weighting::Ink => {
+            "The space between lines gives way, so that lines and areas are true. Where distances matter as much, set \
+             `weighting = \"uniform\"` under [correction] (`--weighting uniform`)."
+        }
+        Weighting::Uniform => {
+            "The part is curved in two directions there. Make the drawing smaller, or split it into several jobs."
+        }
+    };
+    let text = format!(
+        "near ({:.1}, {:.1}) mm of the placed drawing, the distance between two marks is {:.2} mm in the drawing and {:.2} mm on \
+         the part ({:+.1} %). {remedy}",
+        worst.at.x,
+        worst.at.y,
+        worst.drawn,
+        worst.marked,
+        share * 100.0
+    );
+    notices.push(Notice::warning("distance-changes", text).at_places(lift.point(map.point(worst.at))));
 }
 
 /// Warns of errors that even the best map leaves, and of maps that are only for comparison.
