@@ -479,8 +479,8 @@ fn coarse_facets_are_named_where_most_of_a_stretch_is_uncertain() {
 /// The top of a ball of 30 mm as OBJ, 54 mm across.
 fn ball() -> String {
     let ball = isomark::geometry::shapes::graph(27.0, 1.0, isomark::geometry::shapes::sphere);
-    let vertices = ball.positions.iter().map(|at| format!("v {} {} {}\n", at.x, at.y, at.z));
-    let facets = ball.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    let vertices = ball.positions().iter().map(|at| format!("v {} {} {}\n", at.x, at.y, at.z));
+    let facets = ball.triangles().iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
     vertices.chain(facets).collect()
 }
 

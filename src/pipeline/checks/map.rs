@@ -26,10 +26,8 @@ const UNKNOWN_SHARE: f64 = 0.1;
 const CAD: [&str; 2] = ["Open CASCADE", "FreeCAD"];
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
-/// A correction that multiplies the length error by more than this …
-const LOST: f64 = 1.1;
-/// … and adds more than this, mm, is worth a notice.
-const NOTABLE_LOSS: f64 = 0.02;
+/// A correction that adds more than this share of the length of all lines to their error is worth a notice.
+const NOTABLE_LOSS: f64 = 0.001;
 /// A distance between marks that changes by more than this share …
 const NOTABLE_CHANGE: f64 = 0.05;
 /// … and by more than this, mm, is worth a notice.
@@ -258,8 +256,8 @@ pub(in crate::pipeline) fn traded(
 ) {
     let Some(before) = before.filter(|_| !map.is_for_comparison()) else { return };
     let [was, is] = [before, after].map(|figures| figures.length_error);
-    // What is not known of the part is in both figures, and what the correction gains elsewhere is worth a little.
-    if is - after.uncertain.length_error <= LOST * was + NOTABLE_LOSS {
+    // What is not known of the part is in both errors, and what the correction gains elsewhere is worth a little.
+    if is - after.uncertain.length_error <= was + NOTABLE_LOSS * after.length {
         return;
     }
     let CorrectionSettings { weighting, aim, .. } = settings.correction;
