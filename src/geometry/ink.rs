@@ -250,7 +250,8 @@ pub(super) fn contours(
     groups.into_iter().map(|(group, paths)| (group, flattened(paths))).collect()
 }
 
-/// The paths that bound the inked area, by layer and fill. Outlines that repeat the boundary of a fill are only lines.
+/// The paths that bound the inked area, by layer and fill. Outlines that repeat the boundary of a fill of their layer are only
+/// lines.
 pub(super) fn bounding_paths(
     pattern: &Pattern,
     is_marked: impl Fn(&str) -> bool,
@@ -263,10 +264,12 @@ pub(super) fn bounding_paths(
             groups.entry((path.layer, path.region)).or_default().push(path);
         }
     }
-    let of_fills = groups.iter().filter(|((_, region), _)| region.is_some());
-    let boundaries: Vec<&Path> = of_fills.flat_map(|(_, paths)| paths.iter().copied()).collect();
-    for ((_, region), paths) in &mut groups {
-        if region.is_none() {
+    let mut boundaries: BTreeMap<usize, Vec<&Path>> = BTreeMap::new();
+    for ((layer, _), paths) in groups.iter().filter(|((_, region), _)| region.is_some()) {
+        boundaries.entry(*layer).or_default().extend(paths);
+    }
+    for (layer, boundaries) in boundaries {
+        if let Some(paths) = groups.get_mut(&(layer, None)) {
             let mut repeats = outlines::repeat_boundaries(paths, &boundaries).into_iter();
             paths.retain(|_| !repeats.next().unwrap_or_default());
         }

@@ -87,7 +87,7 @@ pub struct Filling {
     pub lines: Vec<FillLine>,
     /// Their length on the part, mm.
     pub length: f64,
-    /// The filled area as drawn, mm².
+    /// The filled area as drawn, of all layers, mm².
     pub area: f64,
     /// Smallest and largest deviation of the spacing on the part, as a share of it.
     pub deviation: [f64; 2],
@@ -242,10 +242,9 @@ pub fn fill(
     }
     let places = |number: f64| {
         let side = (size.x * size.y / number).sqrt().max(size.max() / number);
-        (squares_filled(&contours, &extents, side), side)
+        squares_filled(&contours, &extents, side)
     };
-    let (squares, side) = places(20.0 * PLACES);
-    let area = squares.len() as f64 * side * side;
+    let area = layers.iter().map(|(_, outlines)| scan::area(outlines, &extents)).sum::<f64>();
     let families = options.angles.len().max(1) as f64;
     let length = families * area / options.spacing;
     let too_much = |pieces: usize| Err(FillError::TooMuch { length, pieces });
@@ -275,7 +274,7 @@ pub fn fill(
         });
     }
     if !is_exact {
-        let (mut squares, _) = places(PLACES * (size.x * size.y / area.max(1e-9)).min(20.0));
+        let mut squares = places(PLACES * (size.x * size.y / area.max(1e-9)).min(20.0));
         if squares.is_empty() {
             squares = contours.values().flatten().flatten().copied().collect();
         }

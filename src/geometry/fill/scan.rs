@@ -4,10 +4,13 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::distance::DistanceField;
 use crate::geometry::pattern::Color;
-use crate::geometry::space::FlatPoint;
+use crate::geometry::space::{Extents, FlatPoint};
 
 /// Pieces shorter than this are not marked, mm.
 const SHORTEST: f64 = 0.005;
+
+/// Number of rows along which areas are measured.
+const ROWS: usize = 4096;
 
 /// A contour of filled regions: points so close that the distance is linear between them.
 pub(super) struct Outline {
@@ -147,6 +150,40 @@ fn inside(line: &[Crossing], outlines: &[Outline], intervals: &mut Vec<Interval>
             (true, Some(_)) | (false, None) => {}
         }
     }
+}
+
+/// The filled area, mm², from the lengths inside along [`ROWS`] rows of the drawing.
+pub(super) fn area(outlines: &[Outline], extents: &Extents) -> f64 {
+    let (bottom, height) = (extents.min.y, extents.size().y / ROWS as f64);
+    let mut crossings: Vec<Vec<(f64, Option<u32>)>> = vec![Vec::new(); ROWS];
+    for outline in outlines {
+        for (from, to) in outline.sides() {
+            let (low, high) = if from.y < to.y { (from, to) } else { (to, from) };
+            let first = |y: f64| (((y - bottom) / height - 0.5).ceil().max(0.0) as usize).min(ROWS);
+            for row in first(low.y)..first(high.y) {
+                let share = (bottom + (row as f64 + 0.5) * height - low.y) / (high.y - low.y);
+                crossings[row].push((low.x + (high.x - low.x) * share, outline.region));
+            }
+        }
+    }
+    let mut length = 0.0;
+    let mut regions: Vec<Option<u32>> = Vec::new();
+    for row in &mut crossings {
+        row.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        regions.clear();
+        let mut last = 0.0;
+        for (at, region) in row.iter() {
+            if is_filled(&regions) {
+                length += at - last;
+            }
+            match regions.iter().position(|inside| inside == region) {
+                Some(position) => drop(regions.swap_remove(position)),
+                None => regions.push(*region),
+            }
+            last = *at;
+        }
+    }
+    length * height
 }
 
 /// A part of a line that is too close to a contour: its number, start and end.

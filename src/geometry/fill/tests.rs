@@ -365,7 +365,7 @@ fn letters_in_a_filled_frame_stay_unfilled() {
     let pattern = drawing(vec![frame, of_region(letter, 3), of_region(hole, 3)]);
     let found = flat(&pattern, &options(0.1, &[0.0]));
     let expected = 200.0 - TAU / 2.0 * (16.0 - 4.0);
-    assert!((found.area - expected).abs() < 0.006 * expected, "{} of {expected} mm²", found.area);
+    assert!((found.area - expected).abs() < 0.0002 * expected, "{} of {expected} mm²", found.area);
     let lines: f64 = rows(&found).iter().map(|(_, length)| length).sum();
     assert!((lines * 0.1 - expected).abs() < 0.002 * expected, "{lines} mm of lines");
     assert_eq!(regions_in_outlines(&pattern, |_| true), [FlatPoint::new(4.0, 0.0)]);

@@ -12,9 +12,6 @@ const COMPARED: usize = 256;
 /// For each of `outlines`, whether it draws the same as one of the `boundaries` of fills, whatever their curves, starts and
 /// directions are.
 pub(super) fn repeat_boundaries(outlines: &[&Path], boundaries: &[&Path]) -> Vec<bool> {
-    if boundaries.is_empty() {
-        return vec![false; outlines.len()];
-    }
     let mut boxes: Vec<(Extents, usize)> =
         boundaries.iter().enumerate().map(|(index, path)| (extents(&path.shape), index)).collect();
     boxes.sort_by(|a, b| a.0.min.x.total_cmp(&b.0.min.x));
