@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 use super::adjacency::{NONE, hash, sliver_side, weld};
 use super::flats;
 use super::mesh::TriMesh;
-use super::smooth_mesh::SmoothMesh;
+use super::smooth_mesh::{MOST_BEND, SmoothMesh};
 use super::space::View;
 
 /// Maximum number of vertices examined; larger meshes are sampled evenly.
@@ -49,8 +49,6 @@ const STEEP_LEAN: f64 = 0.25;
 const BULGES_ALONE: f64 = 3.0;
 /// The share of the normals that are averages where all are, but for a few.
 const ALL_AVERAGES: f64 = 0.95;
-/// Facets of one smooth face turn by less than this, rad, in any tessellation, also across a corner of both arcs of a sphere.
-const MOST_BEND: f64 = 0.75;
 /// Sides nearer to the direction of a side than this, as a cosine, would bulge as far.
 const ALONGSIDE: f64 = 0.5;
 
