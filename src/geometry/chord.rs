@@ -43,6 +43,14 @@ pub(super) fn are_of_smooth_curves(chords: impl Iterator<Item = (Chord, f64)>) -
     excess <= 0.0
 }
 
+/// By how much the normals at the ends of chords lean towards the same end, as a sine, root mean square; 0 if there are none.
+///
+/// The normals at both ends of an arc lean from its chord by equal and opposite angles.
+pub(super) fn unevenness(chords: &[Chord]) -> f64 {
+    let squares: f64 = chords.iter().map(|chord| chord.unevenness().powi(2)).sum();
+    (squares / chords.len().max(1) as f64).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

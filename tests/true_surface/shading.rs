@@ -332,3 +332,12 @@ fn exact_normals_beside_small_fillets_cause_no_doubt() {
         }
     }
 }
+
+/// The vertices of a coarse fillet round a disc are so even that averages of its facets are its normals.
+#[test]
+fn exact_normals_of_coarse_fillets_are_not_treated_as_shading() {
+    let reading = sample("occ-disc-fillet-0.3.glb");
+    assert_eq!(reading.facts.normals, NormalsFound::Smooth);
+    let off = unevenness(&seen_from(&reading, Vector3::z()), 0.0, 23.0, 10.9);
+    assert!(off <= FLAT, "{off} mm");
+}

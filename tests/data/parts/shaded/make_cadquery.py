@@ -26,3 +26,5 @@ def export(part, name, deflection, angle=0.5):
 
 can = cadquery.Workplane("YZ", origin=(-30, 0, 0)).circle(12.5).extrude(60).edges().fillet(0.5)
 export(can, "occ-can-fillet-0.5.glb", 0.1)
+disc = cadquery.Workplane().circle(33.8).extrude(10.9).faces(">Z").edges().fillet(0.3)
+export(disc, "occ-disc-fillet-0.3.glb", 0.5)
