@@ -8,6 +8,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, sliver_side};
+use super::chord::{self, Chord};
 use super::smooth_mesh::SmoothMesh;
 
 /// Facets belong to one plane if their corners are within this of it, mm, and the cosine between their normals is above
@@ -77,14 +78,16 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chos
         (is_known[corners[side % 3] as usize], is_known[corners[(side + 1) % 3] as usize]) = (false, false);
     }
     let sides = sides_of(mesh, &uneven);
+    let known_round = |vertex: usize| {
+        let first = sides.partition_point(|side| (side[0] as usize) < vertex);
+        let around = sides[first..].iter().take_while(move |side| side[0] as usize == vertex);
+        around.map(|side| side[1] as usize).filter(|&other| is_known[other])
+    };
     let known = |&vertex: &usize| {
         if estimated.all[vertex] && !is_open[vertex] {
             return Some(mesh.normals[vertex]);
         }
-        let first = sides.partition_point(|side| (side[0] as usize) < vertex);
-        let around = sides[first..].iter().take_while(|side| side[0] as usize == vertex);
-        let around = around.map(|side| side[1] as usize).filter(|&other| is_known[other]);
-        derived_normal(&mesh.positions, &mesh.normals, vertex, around)
+        derived_normal(&mesh.positions, &mesh.normals, vertex, known_round(vertex))
     };
     let derived: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
     let mut deviations = vec![0.0f64; spans.len()];
@@ -111,7 +114,10 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chos
             if leaning.is_none() || !estimated.straight[vertex] {
                 mesh.normals[vertex] = normal;
             }
-        } else if !estimated.all[vertex] && derived.is_some() {
+        } else if !estimated.all[vertex]
+            && derived.is_some()
+            && !fits_chords(&mesh.positions, &mesh.normals, vertex, known_round(vertex))
+        {
             deviations[vertex] = mesh.normals[vertex].angle(&normal);
         }
     }
@@ -227,6 +233,22 @@ pub(super) fn derived_normal(
     let prior = PRIOR * heaviest;
     let normal = (matrix + Matrix3::identity() * prior).cholesky()?.solve(&(right + before * prior));
     normal.try_normalize(0.0)
+}
+
+/// Whether the normal at a vertex is one of a smooth surface, judged by its chords to the `known` vertices round it with the
+/// weights of [`derived_normal`].
+fn fits_chords(
+    positions: &[Point3<f64>],
+    normals: &[Vector3<f64>],
+    vertex: usize,
+    known: impl Iterator<Item = usize>,
+) -> bool {
+    let chords = known.map(|other| {
+        let ends = [vertex, other];
+        let chord = Chord { ends: ends.map(|end| positions[end]), normals: ends.map(|end| normals[end]) };
+        (chord, chord.length().powi(-4))
+    });
+    chord::are_of_smooth_curves(chords)
 }
 
 impl Planes {

@@ -14,6 +14,7 @@ mod adjacency;
 pub mod winding;
 pub mod noise;
 pub mod holes;
+mod chord;
 pub mod smooth_mesh;
 mod osculating_jet;
 mod flats;

@@ -7,9 +7,10 @@
 use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{NONE, hash, sliver_side, weld};
+use super::chord::{self, Chord};
 use super::flats;
 use super::mesh::TriMesh;
-use super::smooth_mesh::SmoothMesh;
+use super::smooth_mesh::{MOST_BEND, SmoothMesh};
 use super::space::View;
 
 /// Maximum number of vertices examined; larger meshes are sampled evenly.
@@ -49,8 +50,6 @@ const STEEP_LEAN: f64 = 0.25;
 const BULGES_ALONE: f64 = 3.0;
 /// The share of the normals that are averages where all are, but for a few.
 const ALL_AVERAGES: f64 = 0.95;
-/// Facets of one smooth face turn by less than this, rad, in any tessellation, also across a corner of both arcs of a sphere.
-const MOST_BEND: f64 = 0.75;
 /// Sides nearer to the direction of a side than this, as a cosine, would bulge as far.
 const ALONGSIDE: f64 = 0.5;
 
@@ -185,10 +184,23 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
             let of_file = |corner: usize| {
                 Some(mesh.triangles()[corner / 3].map(|index| mesh.normals()[index as usize]))
             };
-            let of_file = uneven_lean(mesh, &there.shared, of_file);
-            let of_estimate = || uneven_lean(mesh, &there.shared, estimate_at);
-            let is_even = of_file < apart * VOTE_SHARE && of_estimate() > of_file + apart * VOTE_SHARE;
-            if is_even && !bulges_alone(mesh, there) {
+            let of_file = chords_at(mesh, &there.shared, of_file);
+            // In the root mean square over all directions, two normals lean differently by this share of their angle.
+            let limit = apart * VOTE_SHARE / std::f64::consts::SQRT_2;
+            let is_smoother = || {
+                let of_estimate = chords_at(mesh, &there.shared, estimate_at);
+                chord::unevenness(&of_estimate) > chord::unevenness(&of_file) + limit
+            };
+            let is_smooth = chord::are_of_smooth_curves(of_file.iter().map(|chord| (*chord, 1.0)));
+            // Between facets as narrow as those of a small chamfer or fillet, the estimate may take each turn round the part for
+            // an edge; as normals of flat facets, its normals lean evenly then, too.
+            let splits = there.shared.iter().any(|&corner| {
+                estimate_at(corner).is_some_and(|normals| !is_within(normals[corner % 3], estimated, SAME))
+            });
+            if splits && is_smooth && of_file.iter().all(|chord| chord.turn() < MOST_BEND) {
+                continue;
+            }
+            if is_smooth && is_smoother() && !bulges_alone(mesh, there) {
                 surface += 1;
             } else {
                 shading += 1;
@@ -201,25 +213,23 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
     shading > surface || (is_all && shading > 0 && shading == surface)
 }
 
-/// By how much the normals at both ends of a side lean towards the same end, rad: the largest over the sides that meet at a
-/// vertex, which is a corner of several facets. `normals` returns those of the facet of a corner.
-///
-/// The normals at both ends of an arc lean from its chord by equal and opposite angles.
-fn uneven_lean(
+/// The sides that meet at a vertex, which is a corner of several facets, each for each of its facets. `normals` returns those of
+/// the facet of a corner.
+fn chords_at(
     mesh: &TriMesh,
     corners: &[usize],
     normals: impl Fn(usize) -> Option<[Vector3<f64>; 3]>,
-) -> f64 {
+) -> Vec<Chord> {
     let of_facet = |&corner: &usize| {
-        let Some(normals) = normals(corner) else { return 0.0 };
         let (points, here) = (mesh.corners(mesh.triangles()[corner / 3]), corner % 3);
-        let lean = |other: usize| {
-            let side = (points[other] - points[here]).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-            (normals[here] + normals[other]).dot(&side).abs()
-        };
-        lean((here + 1) % 3).max(lean((here + 2) % 3))
+        normals(corner).into_iter().flat_map(move |normals| {
+            [1, 2].map(|turn| [here, (here + turn) % 3]).map(|ends| Chord {
+                ends: ends.map(|end| points[end]),
+                normals: ends.map(|end| normals[end]),
+            })
+        })
     };
-    corners.iter().map(of_facet).fold(0.0, f64::max)
+    corners.iter().flat_map(of_facet).collect()
 }
 
 /// The sides of facets that start at these corners of theirs, mm.

@@ -24,6 +24,9 @@ pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 /// Exact normals of one face agree to 0.2°, Blender's merged ones to 1°.
 pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
+/// Facets of one smooth face turn by less than this, rad, in any tessellation, also across a corner of both arcs of a sphere.
+pub(super) const MOST_BEND: f64 = 0.75;
+
 /// Triangles over shared vertices, in the frame of a view, mm.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SmoothMesh {

@@ -157,6 +157,18 @@ fn fillets_are_accurate_up_to_their_corners() {
     assert!(miss <= 0.03, "{miss} mm at {at:?}");
 }
 
+/// The mitre of two fillets fades out where both reach the flat top.
+#[test]
+fn fillets_are_accurate_up_to_mitres_that_fade_out() {
+    let drop = |from_middle: f64, half: f64| {
+        let beyond = (from_middle.abs() - half + 6.0).max(0.0);
+        (beyond < 5.2).then(|| 6.0 - (36.0 - beyond * beyond).sqrt())
+    };
+    let height = |x: f64, y: f64| Some(20.0 - drop(x, 35.0)?.max(drop(y, 25.0)?));
+    let (miss, at) = largest_miss(&sampled(&sample("occ-top-fillets-6.stl")), height);
+    assert!(miss <= 0.02, "{miss} mm at {at:?}");
+}
+
 /// A ridge along y at x = 0, between whose sides the normals differ by an angle in degrees, on a base with the
 /// curvature `bend` (1/mm).
 struct Ridge {

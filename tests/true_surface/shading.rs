@@ -315,3 +315,29 @@ fn tops_beside_narrow_fillets_and_wide_bevels_are_flat() {
         assert!(off <= FLAT, "{name}: {off} mm");
     }
 }
+
+/// The facets of a small fillet are long, low and irregular: they tilt by far more than the normals turn.
+#[test]
+fn exact_normals_beside_small_fillets_cause_no_doubt() {
+    let reading = sample("occ-can-fillet-0.5.glb");
+    assert_eq!(reading.facts.normals, NormalsFound::Smooth);
+    let side = seen_from(&reading, Vector3::z());
+    let patch = Extents { min: Vector2::new(-27.0, -8.0), max: Vector2::new(27.0, 8.0) };
+    let fit = CylinderFit::to(&SampledPatch::under(&side, &patch).unwrap()).unwrap();
+    assert!((fit.cylinder.radius - 12.5).abs() < 0.001 && fit.residual < 0.001, "{fit:?}");
+    for row in -8..=8 {
+        for column in -27..=27 {
+            let doubt = side.doubt(ViewPoint::new(f64::from(column), f64::from(row)));
+            assert!(doubt < 0.001, "{doubt} mm at ({column}, {row})");
+        }
+    }
+}
+
+/// The vertices of a coarse fillet round a disc are so even that averages of its facets are its normals.
+#[test]
+fn exact_normals_of_coarse_fillets_are_not_treated_as_shading() {
+    let reading = sample("occ-disc-fillet-0.3.glb");
+    assert_eq!(reading.facts.normals, NormalsFound::Smooth);
+    let off = unevenness(&seen_from(&reading, Vector3::z()), 0.0, 23.0, 10.9);
+    assert!(off <= FLAT, "{off} mm");
+}

@@ -22,6 +22,8 @@ const SHARP_STANDS_OUT: f64 = 2.5;
 /// other two of the step before it.
 const RUNS_OUT: f64 = 0.4;
 const FADES: [f64; 2] = [0.25, 0.6];
+/// The mitre of two fillets loses at each step what the facets beside it turn by; here so many times what is explained.
+const LOSES: [f64; 2] = [0.5, 1.5];
 /// An edge does not bend by more than this from one step to the next, rad.
 const STRAIGHT: f64 = 35.0 * PI / 180.0;
 /// An edge that ends within a smooth side has at least so many steps, and is so many times as long as the facets beside it are
@@ -120,7 +122,9 @@ impl Steps<'_> {
             for place in self.end_places(known[0]) {
                 for number in at_place(&ends, place) {
                     let Some(step) = &measured[number] else { continue };
-                    let goes_on = step.turn > STILL_STANDS_OUT * step.explained;
+                    let loses = |times: f64| before - step.turn > times * step.explained;
+                    let goes_on = step.turn > STILL_STANDS_OUT * step.explained
+                        || (step.turn > step.explained && loses(LOSES[0]) && !loses(LOSES[1]));
                     let runs_out = step.turn > RUNS_OUT * step.explained && step.turn < FADES[1] * before;
                     if is_crease[number]
                         || step.turn < FADES[0] * before

@@ -7,8 +7,9 @@ use super::creases::{Facing, Steps, matters};
 use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
-use super::{CREASE_ANGLE, Crease, NORMAL_TOLERANCE, SmoothMesh};
+use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld};
+use crate::geometry::chord::{Chord, are_of_smooth_curves};
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, refined_normal};
@@ -164,7 +165,7 @@ impl SmoothMesh {
             if is_smooth {
                 let meets_flatly = || meet_within(points(here), points(there), SHADED_CREASE_ANGLE);
                 if have_normals && !meets_flatly() && meet() < SHADED_CREASE_ANGLE.cos() {
-                    rounded.extend([pairs[0].0, pairs[1].0]);
+                    rounded.push([side as u32, other as u32]);
                 }
                 pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
                 region_sets.join(here, there);
@@ -209,7 +210,7 @@ impl SmoothMesh {
         let beside = creases.iter().chain(&sharp);
         smooth.creases = smooth
             .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
-        smooth.doubt_rounded(&rounded.iter().map(|&corner| vertices[corner]).collect::<Vec<_>>());
+        smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
         smooth
     }
@@ -334,22 +335,64 @@ impl SmoothMesh {
         creases
     }
 
-    /// Doubts the whole bulge of each triangle at one of the `vertices`, where normals of the file round an edge, and lets no
-    /// doubt be larger than the bulge: the facets themselves are part of the part.
-    fn doubt_rounded(&mut self, vertices: &[u32]) {
-        if vertices.is_empty() && self.doubts.is_empty() {
+    /// Doubts the whole bulge of each triangle at a side that normals of the file round, and lets no doubt be larger than the
+    /// bulge: the facets themselves are part of the part. Of a facet of a smooth face, which a steep one continues, only what it
+    /// bulges across the side is in doubt.
+    fn doubt_rounded(&mut self, sides: &[Facing]) {
+        let mut is_rounded = vec![false; self.positions.len()];
+        let mut across: Vec<(u32, f64)> = Vec::new();
+        for facing in sides {
+            // Long and low facets tilt more than their normals turn: as far as their long sides are below the part.
+            if facing.iter().all(|&side| self.is_of_smooth_face(side as usize / 3)) {
+                continue;
+            }
+            for &side in facing {
+                let (triangle, first) = (side as usize / 3, side as usize % 3);
+                [first, (first + 1) % 3]
+                    .iter()
+                    .for_each(|&corner| is_rounded[self.triangles[triangle][corner] as usize] = true);
+                across.push((triangle as u32, self.bulge_across(side as usize)));
+            }
+        }
+        if across.is_empty() && self.doubts.is_empty() {
             return;
         }
         self.doubts.resize(self.triangles.len(), 0.0);
-        let mut is_rounded = vec![false; self.positions.len()];
-        vertices.iter().for_each(|&vertex| is_rounded[vertex as usize] = true);
+        for (triangle, bulge) in across {
+            let doubt = &mut self.doubts[triangle as usize];
+            *doubt = doubt.max(bulge);
+        }
         for triangle in 0..self.triangles.len() {
-            let is_rounded = self.triangles[triangle].iter().any(|&vertex| is_rounded[vertex as usize]);
+            let is_rounded = self.triangles[triangle].iter().any(|&vertex| is_rounded[vertex as usize])
+                && !self.is_of_smooth_face(triangle);
             if is_rounded || self.doubts[triangle] > 0.0 {
                 let bulge = self.patch(triangle).largest_bulge();
                 self.doubts[triangle] = if is_rounded { bulge } else { self.doubts[triangle].min(bulge) };
             }
         }
+    }
+
+    /// Whether the normals of a triangle could be those of one facet of a smooth face.
+    fn is_of_smooth_face(&self, triangle: usize) -> bool {
+        let (corners, normals) = self.corners(triangle);
+        let chords = [[0, 1], [1, 2], [2, 0]]
+            .map(|ends| Chord { ends: ends.map(|end| corners[end]), normals: ends.map(|end| normals[end]) });
+        chords.iter().all(|chord| chord.turn() < MOST_BEND)
+            && are_of_smooth_curves(chords.into_iter().map(|chord| (chord, 1.0)))
+    }
+
+    /// How far the normals at the ends of a side make its triangle bulge at right angles to it, mm.
+    fn bulge_across(&self, side: usize) -> f64 {
+        let (corners, normals) = self.corners(side / 3);
+        let [from, to] = [side % 3, (side % 3 + 1) % 3];
+        let normal_lean = |end: usize| {
+            // A curved edge of a face leaves its chord towards the normal.
+            let chord = corners[to] - corners[from];
+            let along = chord - normals[end] * normals[end].dot(&chord);
+            let across = facet_normal(corners).cross(&along);
+            across.try_normalize(0.0).map_or(0.0, |across| normals[end].dot(&across).abs())
+        };
+        normal_lean(from).max(normal_lean(to)) * width(corners, side % 3) / 4.0
     }
 }
 
