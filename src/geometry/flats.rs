@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, sliver_side};
-use super::chord::{self, Chord};
+use super::chord_normals::{self, Chord};
 use super::smooth_mesh::SmoothMesh;
 
 /// Facets belong to one plane if their corners are within this of it, mm, and the cosine between their normals is above
@@ -248,7 +248,7 @@ fn fits_chords(
         let chord = Chord { ends: ends.map(|end| positions[end]), normals: ends.map(|end| normals[end]) };
         (chord, chord.length().powi(-4))
     });
-    chord::are_of_smooth_curves(chords)
+    chord_normals::are_of_smooth_curves(chords)
 }
 
 impl Planes {

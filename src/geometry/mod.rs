@@ -14,7 +14,7 @@ mod adjacency;
 pub mod winding;
 pub mod noise;
 pub mod holes;
-mod chord;
+mod chord_normals;
 pub mod smooth_mesh;
 mod osculating_jet;
 mod flats;

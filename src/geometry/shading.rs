@@ -7,7 +7,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{NONE, hash, sliver_side, weld};
-use super::chord::{self, Chord};
+use super::chord_normals::{self, Chord};
 use super::flats;
 use super::mesh::TriMesh;
 use super::smooth_mesh::{MOST_BEND, SmoothMesh};
@@ -189,9 +189,9 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
             let limit = apart * VOTE_SHARE / std::f64::consts::SQRT_2;
             let is_smoother = || {
                 let of_estimate = chords_at(mesh, &there.shared, estimate_at);
-                chord::unevenness(&of_estimate) > chord::unevenness(&of_file) + limit
+                chord_normals::unevenness(&of_estimate) > chord_normals::unevenness(&of_file) + limit
             };
-            let is_smooth = chord::are_of_smooth_curves(of_file.iter().map(|chord| (*chord, 1.0)));
+            let is_smooth = chord_normals::are_of_smooth_curves(of_file.iter().map(|chord| (*chord, 1.0)));
             // Between facets as narrow as those of a small chamfer or fillet, the estimate may take each turn round the part for
             // an edge; as normals of flat facets, its normals lean evenly then, too.
             let splits = there.shared.iter().any(|&corner| {

@@ -9,7 +9,7 @@ use super::long_sides;
 use super::sections::Facets;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld};
-use crate::geometry::chord::{Chord, are_of_smooth_curves};
+use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, refined_normal};
