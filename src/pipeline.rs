@@ -347,7 +347,8 @@ impl Pipeline {
         clock.lap("fill");
         drawn.extend(filled.iter_mut().flat_map(|filled| std::mem::take(&mut filled.drawn)));
         let (drawn, stepped) =
-            focus::divide(&mut drawing, drawn, &projection, exposure, settings).map_err(rejected)?;
+            focus::divide(&mut drawing, drawn, &projection, exposure, settings, &mut notices)
+                .map_err(rejected)?;
         clock.lap("focus");
 
         steps.at(Step::Measure);

@@ -6,9 +6,10 @@ use super::checks;
 use super::{Exposure, JobSettings, MarkingDrawing, Projection};
 use crate::config::FocusSteps;
 use crate::geometry::focus::{self, FocusBands, FocusStep, MOST_STEPS};
+use crate::geometry::marking::MarkingShape;
 use crate::geometry::pattern::Layer;
 use crate::geometry::space::FlatPoint;
-use crate::reason::Reason;
+use crate::reason::{Notice, Reason};
 use crate::report::FocusReport;
 
 /// The part of a corrected drawing that is marked at one height of focus.
@@ -37,7 +38,7 @@ pub(super) struct Stepped {
     pub(super) steps: Vec<StepDrawing>,
 }
 
-/// Cuts the corrected drawing if the settings ask for it; `None` if they do not. `drawn` holds, for each path, the points of the
+/// Cuts the corrected drawing if the settings ask for it, and notes what that opens; `None` if they do not. `drawn` holds, for each path, the points of the
 /// placed drawing that its points mark; it is returned for the paths of the result.
 ///
 /// # Errors
@@ -48,6 +49,7 @@ pub(super) fn divide(
     projection: &Projection<'_>,
     exposure: &Exposure,
     settings: &JobSettings,
+    notices: &mut Vec<Notice>,
 ) -> Result<(Vec<Vec<FlatPoint>>, Option<Stepped>), Reason> {
     let overlap = settings.focus.overlap;
     let step = settings.focus.step.or(settings.optics.focus_depth);
@@ -68,6 +70,21 @@ pub(super) fn divide(
     let report = FocusReport::new(overlap, numbers.collect());
     if steps.len() < 2 {
         return Ok((drawn, Some(Stepped { report, steps: Vec::new() })));
+    }
+    let contours = |drawing: &MarkingDrawing| {
+        drawing.paths.iter().filter(|path| matches!(path.shape, MarkingShape::Closed(_))).count()
+    };
+    let left: usize = steps.iter().map(|step| contours(&step.drawing)).sum();
+    let opened = contours(drawing).saturating_sub(left);
+    if opened > 0 && settings.fill.spacing.is_none() {
+        let what = if opened == 1 { "1 contour is" } else { &format!("{opened} contours are") };
+        notices.push(Notice::note(
+            "focus-opens-contours",
+            format!(
+                "{what} cut between steps of focus and then open: the marking software cannot fill them. To fill them, set \
+                 `spacing_mm` under [fill] (`--fill`)"
+            ),
+        ));
     }
     let drawn = on_layers(drawing, &steps);
     let steps = steps.into_iter().map(|step| StepDrawing { focus: step.focus, drawing: step.drawing });

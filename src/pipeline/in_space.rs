@@ -7,7 +7,8 @@ use crate::geometry::focus::{self, SpaceDrawing};
 impl Corrected {
     /// The DXF file of each step of focus with the name of its height, in their order; none if the drawing was not cut.
     pub fn step_files(&self) -> impl Iterator<Item = (String, Vec<u8>)> {
-        self.steps.iter().map(|step| {
+        // Between heights at which nothing is marked there are steps without lines.
+        self.steps.iter().filter(|step| !step.drawing.paths.is_empty()).map(|step| {
             let name = step.name();
             let mut drawing = step.drawing.clone();
             drawing.comments.clone_from(&self.drawing.comments);

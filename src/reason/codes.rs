@@ -591,6 +591,14 @@ const CODES: &[Code] = &[
          contains a password, because settings are logged.",
         "Correct the URL; give the password in a file or an environment variable.",
     ]),
+    notice([
+        "focus-opens-contours",
+        "Contours are cut between steps of focus and become open lines.",
+        "With `steps = \"layers\"` under [focus], the drawing is cut where the height on the part is that of the border between two \
+         steps. A contour that is cut has ends, and marking software fills only closed contours.",
+        "To fill such contours, set `spacing_mm` under [fill] (`--fill`): the lines of the fill are cut, too. For outlines, do \
+         nothing.",
+    ]),
     reason([
         "focus-too-many-steps",
         "The drawing would be cut into too many steps of focus.",

@@ -335,6 +335,10 @@ fn steps_of_focus_are_layers_of_a_delivered_drawing_and_files_of_a_command() {
         assert!((values[2].hypot(values[0]) - radius).abs() < 0.02, "{row}");
     }
     assert!(rows.count() > found.len());
+    // What is cut cannot be filled by the marking software any more.
+    let opens = |report: &Value| report["notices"].to_string().contains("focus-opens-contours");
+    let unfilled = options.replace("--fill 0.5", "").replace("--step-files --xyz out.csv", "");
+    assert!(!opens(&report) && opens(&desk.correct(&part, &pattern, &unfilled)));
     // Without a height, the settings are refused.
     let words = format!("correct {part} {pattern} --out no.dxf {common} --set focus.steps=layers");
     desk.isomark(&words.split_whitespace().collect::<Vec<_>>()).refused(2, &["`step_mm`", "focus_depth_mm"]);
