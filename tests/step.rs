@@ -102,10 +102,7 @@ fn heights_are_exact_on_all_kinds_of_surfaces_and_in_all_units() {
     for (name, off) in [("step/barrel.step", -20.0), ("step/apple.step", 20.0)] {
         assert_on(name, |at| {
             let side = (at.x.hypot(at.y) - off).hypot(at.z) - 50.0;
-            [side, at.z - 20.0, at.z + 20.0]
-                .into_iter()
-                .min_by(|a, b| a.abs().total_cmp(&b.abs()))
-                .unwrap()
+            [side, at.z - 20.0, at.z + 20.0].into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap()
         });
     }
     assert_on("step/oval.step", |at| {

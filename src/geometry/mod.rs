@@ -14,6 +14,8 @@ mod adjacency;
 pub mod winding;
 pub mod noise;
 pub mod holes;
+mod shape_fit;
+pub mod cylinder;
 pub mod smooth_mesh;
 mod osculating_jet;
 mod flats;

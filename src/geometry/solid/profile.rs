@@ -54,8 +54,7 @@ impl Spline {
         let side = Unit::try_new(far, 1e-12)?;
         let plane = HalfPlane { origin, axis, side };
         let across = axis.cross(&side);
-        let is_plane =
-            controls().all(|point| outward(&point).dot(&across).abs() <= IN_PLANE * far.norm());
+        let is_plane = controls().all(|point| outward(&point).dot(&across).abs() <= IN_PLANE * far.norm());
         if !is_plane {
             // A straight line that is skew to the axis sweeps a hyperboloid, each circle of it once.
             let is_line = matches!(self.curves.as_slice(), [curve] if curve.points.len() == 2);
@@ -134,7 +133,12 @@ impl HalfPlane {
     /// The distances of the control points from the axis, negative beyond it and times their weights; 0 within `near`.
     fn across(&self, curve: &BezierCurve, near: f64) -> Vec<f64> {
         let across = |point: &Weighted| (point.xyz() - self.origin.coords * point.w).dot(&self.side);
-        curve.points.iter().map(across).map(|offset| if offset.abs() <= near { 0.0 } else { offset }).collect()
+        curve
+            .points
+            .iter()
+            .map(across)
+            .map(|offset| if offset.abs() <= near { 0.0 } else { offset })
+            .collect()
     }
 
     /// Distance from the axis and along it, mm.
