@@ -39,10 +39,13 @@ const ROUNDS: usize = 8;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
 /// Facets beyond the end of a cylinder continue it, straight, where they lean along its axis by less than this, rad.
-const STRAIGHT: f64 = 0.01;
+const STRAIGHT: f64 = 1e-3;
 /// The chords of a smooth profile change in length by at most 1.6 from one to the next (`chains`); a cylinder is at least so many
 /// times as long as the facets of the curve that continues it.
 const LONGER: f64 = 2.0;
+/// Its facets may also be the only ones of an arc that goes on in the next ones, as on an oval. A cylinder is so long that such an
+/// arc would leave them so many times as far as the arcs round the axis (`long_sides`).
+const IMPLAUSIBLE: f64 = 6.0;
 /// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a cylinder that
 /// would leave the arc of a fillet by so many times as far as those of the cylinder meet it at an edge.
 const FARTHER: f64 = 2.0;
@@ -74,7 +77,7 @@ pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<bool> {
     let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
     let search = Search { mesh, near: ON.max(DIGITS * largest) };
     let mut is_known = vec![false; count];
-    let mut groups: Vec<Group> = Vec::new();
+    let mut groups: Vec<(Group, Vec<u32>)> = Vec::new();
     for triangle in 0..count {
         let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
         if is_known[triangle] || !is_open || !mesh.bulges(triangle) {
@@ -83,18 +86,20 @@ pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<bool> {
         let Some(group) = search.group_at(triangle, &is_known) else { continue };
         group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
         if search.is_certain(&group) {
-            groups.push(group);
+            let at_edges = search.at_edges(&group);
+            groups.push((group, at_edges));
         }
     }
     if groups.is_empty() {
         return Vec::new();
     }
     let mut is_set = vec![false; mesh.positions.len()];
-    for group in &groups {
+    for (group, at_edges) in &groups {
         let is_hollow = mesh.is_hollow(group);
         for vertex in group.triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
+            let is_at_edge = at_edges.binary_search(&vertex).is_ok();
             let vertex = vertex as usize;
-            if estimated[vertex] && !is_set[vertex] {
+            if estimated[vertex] && !is_set[vertex] && !is_at_edge {
                 let outward = group.cylinder.outward(&mesh.positions[vertex]);
                 mesh.normals[vertex] = if is_hollow { -outward } else { outward };
                 is_set[vertex] = true;
@@ -102,7 +107,7 @@ pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<bool> {
         }
     }
     let mut is_round = vec![false; count];
-    for group in &groups {
+    for (group, _) in &groups {
         for &triangle in &group.triangles {
             let (corners, normals) = mesh.corners(triangle);
             is_round[triangle] = corners
@@ -269,21 +274,53 @@ impl Search<'_> {
         let along = corners().map(|point| (point - cylinder.center).dot(&cylinder.axis));
         let [low, high] = along
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
-        let mut members = triangles.clone();
-        members.sort_unstable();
-        let bulge = triangles.iter().map(|&triangle| self.bulge_on(cylinder, triangle)).fold(0.0, f64::max);
-        // A side of the group, and the facet beyond it.
-        let continues = |side: usize| {
-            let other = self.mesh.continued[side] as usize;
-            if self.mesh.continued[side] == NONE || members.binary_search(&(other / 3)).is_ok() {
-                return true;
-            }
-            let beyond = self.mesh.corners(other / 3).0;
-            let lean = facet_normal(beyond).dot(&cylinder.axis).abs();
-            let length = width(beyond, other % 3);
-            lean < STRAIGHT || length * LONGER <= high - low && length * lean / 4.0 <= FARTHER * bulge
+        let bulge = self.largest_bulge(group);
+        let continues = |beyond: usize| {
+            let corners = self.mesh.corners(beyond / 3).0;
+            let lean = facet_normal(corners).dot(&cylinder.axis).abs();
+            let (length, own) = (width(corners, beyond % 3), high - low);
+            let is_fillet = length * LONGER <= own && length * lean / 4.0 <= FARTHER * bulge;
+            lean < STRAIGHT || is_fillet && own * lean / 4.0 > IMPLAUSIBLE * bulge
         };
-        triangles.iter().all(|&triangle| (3 * triangle..3 * triangle + 3).all(continues))
+        self.ends(group).into_iter().all(|(_, beyond)| continues(beyond))
+    }
+
+    /// The vertices of a group at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
+    /// facets of an arc or flat side that continues it would leave it no farther than its own. In ascending order.
+    fn at_edges(&self, group: &Group) -> Vec<u32> {
+        let bulge = self.largest_bulge(group);
+        let is_edge = |&(side, beyond): &(usize, usize)| {
+            let [from, to] = self.mesh.ends(side);
+            let corners = self.mesh.corners(beyond / 3).0;
+            let outward = group.cylinder.outward(&nalgebra::center(&from, &to));
+            let lean = facet_normal(corners).cross(&outward).norm();
+            lean > STRAIGHT && width(corners, beyond % 3) * lean / 4.0 > FARTHER * bulge
+        };
+        let edges = self.ends(group).into_iter().filter(is_edge);
+        let mut vertices: Vec<u32> = edges
+            .flat_map(|(side, _)| {
+                let corners = self.mesh.triangles[side / 3];
+                [corners[side % 3], corners[(side % 3 + 1) % 3]]
+            })
+            .collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        vertices
+    }
+
+    /// The sides of a group's triangles that others continue, with the sides of these.
+    fn ends(&self, group: &Group) -> Vec<(usize, usize)> {
+        let mut members = group.triangles.clone();
+        members.sort_unstable();
+        let sides = group.triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let continued = sides.map(|side| (side, self.mesh.continued[side]));
+        let beyond = continued
+            .filter(|&(_, other)| other != NONE && members.binary_search(&(other as usize / 3)).is_err());
+        beyond.map(|(side, other)| (side, other as usize)).collect()
+    }
+
+    fn largest_bulge(&self, Group { cylinder, triangles, .. }: &Group) -> f64 {
+        triangles.iter().map(|&triangle| self.bulge_on(cylinder, triangle)).fold(0.0, f64::max)
     }
 
     /// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
@@ -385,6 +422,25 @@ mod tests {
             }
         }
         assert!(found >= 45, "{found}");
+    }
+
+    #[test]
+    fn a_flat_side_between_two_lines_of_a_shaft_stays_flat() {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        // Steps of 0.15 rad, and one of 1.2 rad.
+        let angles: Vec<f64> =
+            (0..20).map(|step| f64::from(step) * 0.15 + if step > 8 { 1.05 } else { 0.0 }).collect();
+        strip(&mut positions, &mut triangles, [(20.0, 0.0, &angles), (20.0, 50.0, &angles)]);
+        let shaft = smooth(positions, triangles);
+        for triangle in 0..shaft.triangles.len() {
+            let (corners, _) = shaft.corners(triangle);
+            let middle = nalgebra::center(&corners[0], &corners[1]);
+            let flat = facet_normal(corners);
+            if 20.0 - middle.coords.xy().norm() > 0.3 {
+                let bulge = shaft.patch(triangle).largest_bulge();
+                assert!(bulge < 0.5, "{bulge} mm over the flat side with normal {flat:?}");
+            }
+        }
     }
 
     #[test]
