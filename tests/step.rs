@@ -99,6 +99,12 @@ fn heights_are_exact_on_all_kinds_of_surfaces_and_in_all_units() {
         [side, at.y - 50.0, at.y + 50.0].into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap()
     });
     assert_on("step/egg.step", |at| (at.x / 30.0).powi(2) + (at.y.powi(2) + at.z.powi(2)) / 400.0 - 1.0);
+    for (name, off) in [("step/barrel.step", -20.0), ("step/apple.step", 20.0)] {
+        assert_on(name, |at| {
+            let side = (at.x.hypot(at.y) - off).hypot(at.z) - 50.0;
+            [side, at.z - 20.0, at.z + 20.0].into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap()
+        });
+    }
     assert_on("step/oval.step", |at| {
         let side = (at.x / 30.0).powi(2) + (at.z / 12.0).powi(2) - 1.0;
         [side, at.y, at.y - 60.0].into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap()

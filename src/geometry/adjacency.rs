@@ -129,6 +129,13 @@ pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }
 
+/// How far a triangle reaches from one of its sides, mm.
+pub(super) fn width(points: [Point3<f64>; 3], side: usize) -> f64 {
+    let [from, to, far] = [0, 1, 2].map(|turn| points[(side + turn) % 3]);
+    let along = to - from;
+    along.cross(&(far - from)).norm() / along.norm()
+}
+
 /// The longest side of a triangle that is too narrow for a reliable normal, `None` for other triangles. Exporters
 /// make such slivers where the vertices of two faces do not coincide.
 pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {

@@ -15,6 +15,8 @@ pub mod winding;
 pub mod noise;
 pub mod holes;
 mod chord_normals;
+mod shape_fit;
+pub mod cylinder;
 pub mod smooth_mesh;
 mod osculating_jet;
 mod flats;

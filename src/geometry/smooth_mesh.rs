@@ -4,6 +4,7 @@
 mod arcs;
 mod chains;
 mod creases;
+mod cylinders;
 mod hidden_arcs;
 mod joining;
 mod long_sides;

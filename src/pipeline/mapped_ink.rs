@@ -78,7 +78,7 @@ impl MappedInk {
 }
 
 /// The errors that a drawing has on the part if `place` projects it, estimated from above. Where the part is recognised as a
-/// cylinder or cone, its surface is also known between the vertices.
+/// cylinder or cone with a radius that is determined, its surface is also known between the vertices.
 ///
 /// # Errors
 /// The place of ink that is not on the surface.
@@ -89,5 +89,5 @@ pub(super) fn measured(
     surface: &FittedSurface,
 ) -> Result<Distortion, ViewPoint> {
     let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
-    quality::measure_on(surface, ink, place, !is_recognised)
+    quality::measure_on(surface, ink, place, !(is_recognised && map.is_determined()))
 }

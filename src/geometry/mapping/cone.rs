@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector2, Vector3};
 
 use super::cylinder::ON_FACE;
-use super::patch::{SampledPatch, TooFewPoints, cross_directions};
+use super::patch::{SampledPatch, TooFewPoints};
 use super::tangent::tangent_frame;
+use crate::geometry::shape_fit::cross_directions;
 use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
@@ -26,6 +27,8 @@ pub struct ConeFit {
     pub cone: Cone,
     /// Largest distance of a sampled point from it, mm.
     pub residual: f64,
+    /// Whether its radius is known well: from the part's file, or because the surface beside the drawing is on it, too.
+    pub is_determined: bool,
 }
 
 /// Why no cone was found under the drawing.
@@ -71,7 +74,7 @@ impl ConeFit {
             let RoundForm::Cone { apex, axis, half_angle } = *form else { return None };
             let cone = Cone { apex, axis, half_angle };
             let residual = patch.largest_distance(|point| cone.distance(point));
-            (residual <= ON_FACE).then_some(Self { cone, residual })
+            (residual <= ON_FACE).then_some(Self { cone, residual, is_determined: true })
         })
     }
 
@@ -91,7 +94,7 @@ impl ConeFit {
         if !residual.is_finite() || !sensible.contains(&cone.half_angle) {
             return Err(ConeError::NoApex { what: "the fit did not converge" });
         }
-        Ok(Self { cone, residual })
+        Ok(Self { cone, residual, is_determined: false })
     }
 }
 

@@ -2,21 +2,11 @@
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
-use super::patch::{SampledPatch, TooFewPoints, cross_directions};
+use super::patch::{SampledPatch, TooFewPoints};
 use super::tangent::tangent_frame;
+pub use crate::geometry::cylinder::Cylinder;
 use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{FlatPoint, ViewPoint};
-
-/// A circular cylinder in the frame of the view.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cylinder {
-    /// The point of the axis nearest to the fitted region's middle, mm.
-    pub center: Point3<f64>,
-    /// Direction of the axis.
-    pub axis: Unit<Vector3<f64>>,
-    /// Radius, mm.
-    pub radius: f64,
-}
 
 /// A cylinder that was fitted to a part.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +15,8 @@ pub struct CylinderFit {
     pub cylinder: Cylinder,
     /// Largest distance of a sampled point from it, mm.
     pub residual: f64,
+    /// Whether its radius is known well: from the part's file, or because the surface beside the drawing is on it, too.
+    pub is_determined: bool,
 }
 
 /// Why no cylinder was found under the drawing.
@@ -66,7 +58,7 @@ impl CylinderFit {
             let center = center + *axis * (middle - center).dot(&axis);
             let cylinder = Cylinder { center, axis, radius };
             let residual = patch.largest_distance(|point| cylinder.distance(point));
-            (residual <= ON_FACE).then_some(Self { cylinder, residual })
+            (residual <= ON_FACE).then_some(Self { cylinder, residual, is_determined: true })
         })
     }
 
@@ -85,7 +77,7 @@ impl CylinderFit {
         if !residual.is_finite() {
             return Err(CylinderError::NoAxis { what: "the fit did not converge" });
         }
-        Ok(Self { cylinder, residual })
+        Ok(Self { cylinder, residual, is_determined: false })
     }
 }
 
@@ -118,54 +110,6 @@ fn start_cylinder(patch: &SampledPatch) -> Result<Cylinder, CylinderError> {
     let signed_radius = product / square;
     let center = Point3::from(mean_point - mean_normal * signed_radius);
     Ok(Cylinder { center, axis, radius: signed_radius.abs() })
-}
-
-impl Cylinder {
-    /// Distance along the axis from the centre, mm, and the vector from the axis to the point, mm.
-    fn split(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
-        let from_center = point - self.center;
-        let along = from_center.dot(&self.axis);
-        (along, from_center - *self.axis * along)
-    }
-
-    /// Signed distance of a point from the surface, mm; positive outside.
-    pub fn distance(&self, point: &Point3<f64>) -> f64 {
-        self.split(point).1.norm() - self.radius
-    }
-
-    /// The unit direction away from the axis at a point that is not on it.
-    pub fn outward(&self, point: &Point3<f64>) -> Vector3<f64> {
-        self.split(point).1.normalize()
-    }
-
-    /// Distance and its derivatives by shifts and rotations of the axis, and by the radius.
-    fn distance_and_derivatives(&self, point: &Point3<f64>) -> (f64, [f64; 5]) {
-        let (along, radial) = self.split(point);
-        let outward = radial.normalize();
-        let (first, second) = cross_directions(&self.axis);
-        let (a, b) = (outward.dot(&first), outward.dot(&second));
-        (radial.norm() - self.radius, [-a, -b, -a * along, -b * along, -1.0])
-    }
-
-    fn moved(&self, step: &[f64; 5]) -> Self {
-        let (first, second) = cross_directions(&self.axis);
-        Self {
-            center: self.center + first * step[0] + second * step[1],
-            axis: Unit::new_normalize(*self.axis + first * step[2] + second * step[3]),
-            radius: self.radius + step[4],
-        }
-    }
-
-    /// The heights z at which the line of sight through `at` meets the cylinder, mm, the lower first.
-    fn heights(&self, at: ViewPoint) -> Option<[f64; 2]> {
-        let across = |vector: Vector3<f64>| vector - *self.axis * self.axis.dot(&vector);
-        let start = across(Point3::new(at.x, at.y, 0.0) - self.center);
-        let sight = across(Vector3::z());
-        let (a, b) = (sight.norm_squared(), start.dot(&sight));
-        let c = start.norm_squared() - self.radius * self.radius;
-        let root = (b * b - a * c).sqrt();
-        (a > 0.0 && root.is_finite()).then(|| [(-b - root) / a, (-b + root) / a])
-    }
 }
 
 /// The exact map from the drawing to the view by unrolling a cylinder about the anchor.
@@ -324,6 +268,46 @@ mod tests {
             assert!(found.residual < 2e-4, "{found:?}");
             assert!((found.cylinder.radius - 30.0).abs() < 2e-3, "{found:?}");
             assert!(found.cylinder.axis.dot(&truth.axis).abs() > 1.0 - 1e-8);
+        }
+    }
+
+    /// The map found for a rectangle of ink 24 mm long and 8 mm wide on a strip along x with this section.
+    fn found(height: impl Fn(f64) -> f64) -> crate::geometry::mapping::LengthTrueMap {
+        use crate::geometry::mapping::isometric::IsometricOptions;
+        use crate::geometry::mapping::{LengthTrueMap, Method};
+        use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
+        let mesh = shapes::graph(20.0, 0.5, |_, y| height(y));
+        let part = FacingPart::new(&mesh, &View::top());
+        let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+        let corners = [(-12.0, -4.0), (12.0, -4.0), (12.0, 4.0), (-12.0, 4.0)];
+        let sides = [0, 1, 2, 3].map(|side: usize| {
+            let [from, to] = [corners[side], corners[(side + 1) % 4]].map(|(x, y)| FlatPoint::new(x, y));
+            Segment::Line { from, to }
+        });
+        let shape = Shape::Closed(sides.to_vec());
+        let path = Path { layer: 0, color: Color::ByLayer, shape, region: None, source: Source::default() };
+        let layer = Layer { name: String::new(), color: Color::Aci(7) };
+        let pattern = Pattern { layers: vec![layer], paths: vec![path] };
+        let method =
+            Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: IsometricOptions::INK };
+        LengthTrueMap::find(&surface, &pattern, |_| true, FlatPoint::new(0.0, 0.0), &method).unwrap()
+    }
+
+    #[test]
+    fn the_surface_beside_narrow_ink_determines_the_radius() {
+        let round = found(|y| (33.0f64 * 33.0 - y * y).sqrt());
+        assert!(round.is_determined(), "{round:?}");
+        // Beside the strip of ±4 mm, which a cylinder of another radius fits, it is straight, or bends more.
+        let strip = |bend: f64| {
+            move |y: f64| {
+                let beyond = (y.abs() - 4.0).max(0.0);
+                (33.0f64 * 33.0 - y * y).sqrt() - bend * beyond * beyond
+            }
+        };
+        for bend in [-0.015, 0.01] {
+            let map = found(strip(bend));
+            assert!(map.fit_residual().is_some_and(|residual| residual < 5e-3), "{map:?}");
+            assert!(!map.is_determined(), "{map:?}");
         }
     }
 

@@ -135,11 +135,11 @@ impl LengthTrueMap {
                 match primitive.form() {
                     Form::Cylinder(cylinder) => {
                         let map = CylinderMap::new(cylinder, anchor, height)?;
-                        Ok(Self::Cylinder(map, CylinderFit { cylinder, residual: 0.0 }))
+                        Ok(Self::Cylinder(map, CylinderFit { cylinder, residual: 0.0, is_determined: true }))
                     }
                     Form::Cone(cone) => {
                         let map = ConeMap::new(cone, anchor, height, reach(&ink, anchor))?;
-                        Ok(Self::Cone(map, ConeFit { cone, residual: 0.0 }))
+                        Ok(Self::Cone(map, ConeFit { cone, residual: 0.0, is_determined: true }))
                     }
                 }
             }
@@ -219,6 +219,55 @@ impl LengthTrueMap {
         }
     }
 
+    /// Whether the surface is a cylinder or cone with a radius that is known well: that of a part's file or of settings, or that of the
+    /// part beside the ink, too.
+    pub fn is_determined(&self) -> bool {
+        match self {
+            Self::Cylinder(_, fit) => fit.is_determined,
+            Self::Cone(_, fit) => fit.is_determined,
+            Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => false,
+        }
+    }
+
+    /// The same map, whose radius is determined, with the residual of the points of a patch.
+    fn determined(self, patch: &SampledPatch) -> Self {
+        match self {
+            Self::Cylinder(map, CylinderFit { cylinder, .. }) => {
+                let residual = patch.largest_distance(|point| cylinder.distance(point));
+                Self::Cylinder(map, CylinderFit { cylinder, residual, is_determined: true })
+            }
+            Self::Cone(map, ConeFit { cone, .. }) => {
+                let residual = patch.largest_distance(|point| cone.distance(point));
+                Self::Cone(map, ConeFit { cone, residual, is_determined: true })
+            }
+            other => other,
+        }
+    }
+
+    /// The distance of a point along the axis of a cylinder or cone, mm.
+    fn along(&self, point: &Point3<f64>) -> Option<f64> {
+        match self {
+            Self::Cylinder(map, _) => Some((point - map.cylinder.center).dot(&map.cylinder.axis)),
+            Self::Cone(map, _) => Some((point - map.cone.apex).dot(&map.cone.axis)),
+            Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => None,
+        }
+    }
+
+    /// The range of the points of a patch along the axis, mm.
+    fn ends_of(&self, patch: &SampledPatch) -> std::ops::RangeInclusive<f64> {
+        let along = patch.points.iter().filter_map(|point| self.along(point));
+        let [low, high] = along
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
+        low..=high
+    }
+
+    /// Half the angle over which the points of a patch reach round the axis, rad.
+    fn half_turn(&self, patch: &SampledPatch) -> f64 {
+        let outward = || patch.points.iter().filter_map(|point| self.outward(*point));
+        let mean = outward().sum::<Vector3<f64>>();
+        outward().map(|outward| outward.angle(&mean)).fold(0.0, f64::max)
+    }
+
     /// The angle from the x of the drawing's plane to the direction round the axis of a cylinder or cone, at the anchor, rad;
     /// of the two senses of the direction the one nearer to x, from −89° to 91°. `None` for maps without an axis.
     pub fn round_angle(&self) -> Option<f64> {
@@ -286,6 +335,10 @@ impl LengthTrueMap {
 
 /// Unrolls twice. The primitive under the middle of the drawing shows where the drawing is mapped to, which is less far
 /// out than it was drawn; there the primitive is fitted again, and its residual is measured.
+///
+/// Under narrow ink, a small residual leaves the radius open: what bends by a tenth less leaves a strip of 8 mm of a can by no more
+/// than the tolerance. If the surface beside the ink is on one primitive with that under it, it determines the radius, and
+/// its primitive is taken.
 fn unroll(
     surface: &FittedSurface,
     ink: &Ink,
@@ -294,8 +347,43 @@ fn unroll(
     let rough = find(SampledPatch::under(surface, &ink.extents.scaled(0.5)))?;
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]).chain(ink.dots.iter().copied());
     let reached = Extents::of(ends.map(|end| rough.point(end).coords()));
-    find(SampledPatch::under(surface, &reached))
+    let patch = SampledPatch::under(surface, &reached);
+    let narrow = find(patch.clone())?;
+    let is_near = |map: &LengthTrueMap, times: f64| {
+        map.fit_residual().is_some_and(|residual| residual <= times * Method::EXACT_TOLERANCE)
+    };
+    let (Ok(patch), true, false) = (patch, is_near(&narrow, 1.0), narrow.is_determined()) else {
+        return Ok(narrow);
+    };
+    let ends = narrow.ends_of(&patch);
+    let beside = SampledPatch::under(surface, &reached.scaled(WIDER)).map(|wide| {
+        wide.kept(|point| {
+            // Rims are not far beyond the ink's ends.
+            narrow.along(point).is_some_and(|along| ends.contains(&along))
+        })
+    });
+    let turns = |patch: &SampledPatch| narrow.half_turn(patch);
+    let Some(wide) = beside.ok().filter(|wide| {
+        wide.points.len() >= patch.points.len() / 2 && turns(wide) >= (WIDE_ENOUGH * turns(&patch)).min(WIDE)
+    }) else {
+        return Ok(narrow);
+    };
+    match find(Ok(wide)) {
+        Ok(map) if is_near(&map, WIDER) => {
+            let map = map.determined(&patch);
+            Ok(if is_near(&map, 1.0) { map } else { narrow })
+        }
+        _ => Ok(narrow),
+    }
 }
+
+/// How many times as wide as the ink, round the axis, the surface is that determines the radius; its residual may be as many times
+/// as large.
+const WIDER: f64 = 2.0;
+/// It is not known everywhere so far; this is enough …
+const WIDE_ENOUGH: f64 = 1.5;
+/// … or this half angle, rad: over it a residual of the tolerance changes the radius by less than 1 % from 5 mm on.
+const WIDE: f64 = 0.5;
 
 /// Distance from the anchor to the farthest corner of the drawing, mm.
 fn reach(ink: &Ink, anchor: FlatPoint) -> f64 {

@@ -1,7 +1,8 @@
 //! The part under a drawing as points and normals, to which cylinders and cones are fitted.
 
-use nalgebra::{DMatrix, DVector, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
+use crate::geometry::shape_fit::fitted;
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 
@@ -9,11 +10,6 @@ use crate::geometry::surface::fit::FittedSurface;
 const MAX_POINTS: usize = 1500;
 /// Minimum number of points.
 const MIN_POINTS: usize = 25;
-/// A fit has converged when its step is below this, mm and rad.
-const CONVERGED: f64 = 1e-10;
-/// Maximum number of steps.
-const MAX_STEPS: usize = 30;
-
 /// Sampled points of a part, mm, with their unit normals on the laser's side, in the frame of the view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampledPatch {
@@ -59,6 +55,13 @@ impl SampledPatch {
         Ok(Self { points, normals })
     }
 
+    /// Only the points for which `is_kept`, with their normals.
+    pub(super) fn kept(self, is_kept: impl Fn(&Point3<f64>) -> bool) -> Self {
+        let pairs = self.points.into_iter().zip(self.normals);
+        let (points, normals) = pairs.filter(|(point, _)| is_kept(point)).unzip();
+        Self { points, normals }
+    }
+
     /// The largest distance of a point, mm, of which `distance` gives the signed one; infinite if one is not finite.
     pub(super) fn largest_distance(&self, distance: impl Fn(&Point3<f64>) -> f64) -> f64 {
         let distances = self.points.iter().map(|point| distance(point).abs());
@@ -72,40 +75,13 @@ impl SampledPatch {
         )
     }
 
-    /// Minimises the sum of the squared distances of the points from a shape with the Gauss–Newton method.
-    /// `distance_of` returns the signed distance of a point and its derivatives by the shape's parameters, `moved`
-    /// the shape after a step of the parameters.
+    /// The shape with the smallest sum of the squared distances of the points ([`shape_fit`](crate::geometry::shape_fit)).
     pub(super) fn fit<Shape: Copy, const PARAMETERS: usize>(
         &self,
-        mut shape: Shape,
+        shape: Shape,
         distance_of: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
         moved: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
     ) -> Shape {
-        for _ in 0..MAX_STEPS {
-            let mut matrix = DMatrix::zeros(self.points.len(), PARAMETERS);
-            let mut right = DVector::zeros(self.points.len());
-            for (row, point) in self.points.iter().enumerate() {
-                let (distance, derivatives) = distance_of(&shape, point);
-                derivatives.iter().enumerate().for_each(|(column, value)| matrix[(row, column)] = *value);
-                right[row] = -distance;
-            }
-            let Some(factor) = matrix.tr_mul(&matrix).cholesky() else { break };
-            let solution = factor.solve(&matrix.tr_mul(&right));
-            let step: [f64; PARAMETERS] = std::array::from_fn(|index| solution[index]);
-            if !step.iter().all(|value| value.is_finite()) {
-                break;
-            }
-            shape = moved(&shape, &step);
-            if solution.norm() < CONVERGED {
-                break;
-            }
-        }
-        shape
+        fitted(&self.points, shape, distance_of, moved)
     }
-}
-
-/// Two unit vectors perpendicular to `axis` and to each other.
-pub(super) fn cross_directions(axis: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
-    let first = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
-    (first, axis.cross(&first))
 }

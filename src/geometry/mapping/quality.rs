@@ -583,6 +583,47 @@ mod tests {
         }
     }
 
+    /// Ribs with straight flanks of slope 0.2, 40 mm long, over a length along x, mm, as a mesh with the normals of its facets.
+    fn ribs(pitch: f64, length: f64) -> FacingPart {
+        let half = pitch / 2.0;
+        let count = (length / half).round() as i32;
+        let (mut positions, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+        for flank in 0..count {
+            let first = positions.len() as u32;
+            let rises = flank % 2 == 0;
+            let normal = Vector3::new(if rises { -0.2 } else { 0.2 }, 0.0, 1.0).normalize();
+            for (end, y) in [(0, -20.0), (1, -20.0), (1, 20.0), (0, 20.0)] {
+                let x = f64::from(flank + end) * half - length / 2.0;
+                positions.push(Point3::new(x, y, if rises == (end == 1) { 0.2 * half } else { 0.0 }));
+                normals.push(normal);
+            }
+            triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        FacingPart::new(
+            &crate::geometry::mesh::TriMesh::new(positions, normals, triangles).unwrap(),
+            &View::top(),
+        )
+    }
+
+    #[test]
+    fn ribs_as_fine_as_the_samples_are_reported() {
+        // At the first samples, 120 mm / 144 apart, ribs of 0.8 mm look like waves of 20 mm.
+        for pitch in [0.4, 0.8, 0.84, 1.2, 2.0] {
+            let part = ribs(pitch, (120.0 / pitch).round() * pitch);
+            let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+            let mut ink = Ink::sample(&Pattern::default(), |_| true, PIECE, SQUARE);
+            let at = |step: i32| FlatPoint::new(f64::from(step) * PIECE - 15.0, 3.3);
+            ink.pieces = (0..120).map(|step| Piece { from: at(step), to: at(step + 1) }).collect();
+            let reported = measure_on(&surface, &ink, &|at| ViewPoint::from(at.coords()), true).unwrap();
+            let truth = 30.0 * (1.04f64.sqrt() - 1.0);
+            let length_error = reported.length_error;
+            assert!(
+                length_error > 0.98 * truth && length_error < 3.0 * truth,
+                "{pitch}: {length_error} for {truth}"
+            );
+        }
+    }
+
     /// A plane with a dent of 0.3 mm and a radius of about 2 mm.
     fn dented(x: f64, y: f64) -> f64 {
         let square = (x - 5.3).powi(2) + (y + 4.1).powi(2);

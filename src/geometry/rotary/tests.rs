@@ -15,7 +15,8 @@ fn cylinder() -> Unrolled {
     let cylinder =
         Cylinder { center: Point3::new(0.0, 0.0, -RADIUS), axis: Vector3::y_axis(), radius: RADIUS };
     let map = CylinderMap::new(cylinder, FlatPoint::new(0.0, 0.0), 0.0).unwrap();
-    Unrolled::of(&LengthTrueMap::Cylinder(map, CylinderFit { cylinder, residual: 0.0 })).unwrap()
+    Unrolled::of(&LengthTrueMap::Cylinder(map, CylinderFit { cylinder, residual: 0.0, is_determined: true }))
+        .unwrap()
 }
 
 /// A cone with the apex 100 mm below the anchor along its generator.
@@ -23,7 +24,11 @@ fn cone(half_angle: f64) -> (Unrolled, ConeMap) {
     let axis = Unit::new_normalize(Vector3::new(0.0, half_angle.cos(), -half_angle.sin()));
     let cone = Cone { apex: Point3::new(0.0, -100.0, 0.0), axis, half_angle };
     let map = ConeMap::new(cone, FlatPoint::new(0.0, 0.0), 0.0, 10.0).unwrap();
-    (Unrolled::of(&LengthTrueMap::Cone(map, ConeFit { cone, residual: 0.0 })).unwrap(), map)
+    (
+        Unrolled::of(&LengthTrueMap::Cone(map, ConeFit { cone, residual: 0.0, is_determined: true }))
+            .unwrap(),
+        map,
+    )
 }
 
 fn path(shape: Shape, region: Option<u32>) -> Path {

@@ -4,11 +4,12 @@ use nalgebra::{Point3, Vector3};
 
 use super::arcs;
 use super::creases::{Facing, Steps, matters};
+use super::cylinders;
 use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
-use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld};
+use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld, width};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
@@ -29,13 +30,6 @@ const LEAST_ALONG: f64 = 0.5;
 const LEAST_ALONE: f64 = 0.01;
 /// An edge that leaves its side by less than this, mm, is straight.
 const LEAST_BEND: f64 = 1e-5;
-
-/// How far a triangle reaches from one of its sides, mm.
-fn width(points: [Point3<f64>; 3], side: usize) -> f64 {
-    let [from, to, far] = [0, 1, 2].map(|turn| points[(side + turn) % 3]);
-    let along = to - from;
-    along.cross(&(far - from)).norm() / along.norm()
-}
 
 /// The mesh without the triangles that are in it once more; `None` if there are no copies.
 fn without_copies(mesh: &TriMesh) -> Option<TriMesh> {
@@ -206,13 +200,33 @@ impl SmoothMesh {
             slope_doubts: Vec::new(),
             creases: Vec::new(),
         };
-        let (estimated, deviations) = smooth.complete_normals();
+        let (estimated, mut deviations) = smooth.complete_normals();
+        let is_round = cylinders::settle(&mut smooth, &estimated);
+        smooth.trust(&is_round, &mut deviations);
         let beside = creases.iter().chain(&sharp);
-        smooth.creases = smooth
-            .edges_between(beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0));
+        let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
+        smooth.creases = smooth.edges_between(beside, &is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
+        smooth.trust(&is_round, &mut []);
         smooth
+    }
+
+    /// Leaves no doubt about the triangles that are on a cylinder, and no `deviations` of the normals of their vertices.
+    fn trust(&mut self, is_round: &[bool], deviations: &mut [f64]) {
+        for triangle in (0..is_round.len()).filter(|&triangle| is_round[triangle]) {
+            if let Some(doubt) = self.doubts.get_mut(triangle) {
+                *doubt = 0.0;
+            }
+            if let Some(doubt) = self.slope_doubts.get_mut(triangle) {
+                *doubt = 0.0;
+            }
+            for vertex in self.triangles[triangle] {
+                if let Some(deviation) = deviations.get_mut(vertex as usize) {
+                    *deviation = 0.0;
+                }
+            }
+        }
     }
 
     /// The same for a mesh in which triangles may be more than once. A copied part has no side that exactly two triangles
@@ -304,8 +318,13 @@ impl SmoothMesh {
     }
 
     /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at
-    /// both ends are given.
-    fn edges_between(&self, edges: impl Iterator<Item = [(usize, usize); 2]>) -> Vec<Crease> {
+    /// both ends are given. On a cylinder (`is_round`) they follow from it, and not from what is beyond.
+    fn edges_between(
+        &self,
+        edges: impl Iterator<Item = [(usize, usize); 2]>,
+        is_round: &[bool],
+    ) -> Vec<Crease> {
+        let is_round = |crease: &Crease| is_round.get(crease.side as usize / 3) == Some(&true);
         let vertex = |corner: usize| self.triangles[corner / 3][corner % 3] as usize;
         let normals = |(one, other): (usize, usize)| [one, other].map(|corner| self.normals[vertex(corner)]);
         let mut creases = Vec::new();
@@ -329,7 +348,10 @@ impl SmoothMesh {
                 }
             };
             let [first, last] = ends;
-            creases.extend([side(first.0, last.0), side(first.1, last.1)]);
+            let sides = [side(first.0, last.0), side(first.1, last.1)];
+            let are_round = sides.each_ref().map(is_round);
+            let follows = |index: &usize| are_round[*index] && !are_round[1 - *index];
+            creases.extend((0..2).filter(|index| !follows(index)).map(|index| sides[index].clone()));
         }
         creases.sort_unstable_by_key(|crease| crease.side);
         creases

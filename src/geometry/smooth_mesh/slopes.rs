@@ -246,7 +246,7 @@ impl SmoothMesh {
     }
 
     /// Whether a side of the triangle is the chord of a curve that leaves it notably.
-    fn bulges(&self, triangle: usize) -> bool {
+    pub(super) fn bulges(&self, triangle: usize) -> bool {
         let (corners, normals) = self.corners(triangle);
         (0..3).any(|side| {
             let next = (side + 1) % 3;

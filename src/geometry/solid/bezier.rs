@@ -63,6 +63,29 @@ impl BezierCurve {
         let slope: Weighted = pairs.map(|(pair, value)| (pair[1] - pair[0]) * (value * degree as f64)).sum();
         (at, (slope.xyz() - at.coords * slope.w) / sum.w)
     }
+
+    /// The part of the curve between two parameters (de Casteljau).
+    pub fn between(&self, [from, to]: [f64; 2]) -> Self {
+        let mut points = self.points.clone();
+        if to < 1.0 {
+            cut(&mut points, to);
+        }
+        if from > 0.0 {
+            points.reverse();
+            cut(&mut points, 1.0 - from / to);
+            points.reverse();
+        }
+        Self { points }
+    }
+}
+
+/// Leaves the control points of the part before the parameter `at`.
+fn cut(points: &mut [Weighted], at: f64) {
+    for level in 1..points.len() {
+        for index in (level..points.len()).rev() {
+            points[index] = points[index - 1] + (points[index] - points[index - 1]) * at;
+        }
+    }
 }
 
 /// The place of a patch, its derivatives by u and v.

@@ -92,7 +92,7 @@ impl Spline {
     }
 
     /// Whether it ends where it starts.
-    fn is_closed(&self) -> bool {
+    pub(super) fn is_closed(&self) -> bool {
         let [start, end] = self.ends();
         let (first, last) = (self.point(start), self.point(end));
         (first - last).norm() <= 1e-6 * (1.0 + first.coords.norm())

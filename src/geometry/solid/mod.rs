@@ -11,6 +11,7 @@ use self::trimming::{Located, Locator, Trimming};
 
 pub mod bezier;
 pub mod curve;
+mod profile;
 pub mod frame;
 pub mod rays;
 pub mod round;

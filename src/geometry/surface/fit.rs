@@ -5,7 +5,7 @@ use nalgebra::{Vector2, Vector3};
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
 use crate::geometry::height_field::{
-    FacingPart, Grid, HeightField, Node, STEEPEST_SURFACE, Skins, Uncertainty,
+    FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Uncertainty,
 };
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
 use crate::geometry::solid::round::RoundForm;
@@ -39,6 +39,10 @@ const NEGLIGIBLE_SLOPE: f64 = 1.5e-4;
 
 /// How many times the difference at a node the one beside it is: the jump may be anywhere between two nodes.
 const BETWEEN_NODES: f64 = 1.5;
+
+/// Nodes on either side of one among which the slope differs at fewer than half at a lone jump, and at most of them on detail that
+/// the samples do not show.
+const ROUND: usize = 8;
 
 /// Minimum number of nodes.
 const MIN_NODES: usize = 64;
@@ -136,6 +140,46 @@ pub enum FitError {
     Solve(#[from] SolveError),
 }
 
+/// Sums of values at the nodes of a grid over squares of it, from the sums over all rectangles at its corner (Crow, Summed-area
+/// tables for texture mapping, SIGGRAPH 1984).
+struct Sums {
+    columns: usize,
+    rows: usize,
+    /// The sums over all nodes left of and below each corner of the nodes' cells.
+    sums: Vec<[f64; 3]>,
+}
+
+impl Sums {
+    fn of(columns: usize, rows: usize, values: impl Iterator<Item = (usize, [f64; 3])>) -> Self {
+        let width = columns + 1;
+        let mut sums = vec![[0.0; 3]; width * (rows + 1)];
+        for (node, value) in values {
+            sums[(node / columns + 1) * width + node % columns + 1] = value;
+        }
+        for row in 1..=rows {
+            for column in 1..=columns {
+                let at = row * width + column;
+                for part in 0..3 {
+                    sums[at][part] +=
+                        sums[at - 1][part] + sums[at - width][part] - sums[at - width - 1][part];
+                }
+            }
+        }
+        Self { columns, rows, sums }
+    }
+
+    /// The sums over the nodes within `reach` columns and rows of a node.
+    fn round(&self, node: usize, reach: usize) -> [f64; 3] {
+        let range = |at: usize, count: usize| [at.saturating_sub(reach), (at + reach + 1).min(count)];
+        let [left, right] = range(node % self.columns, self.columns);
+        let [low, high] = range(node / self.columns, self.rows);
+        let at = |column: usize, row: usize| self.sums[row * (self.columns + 1) + column];
+        std::array::from_fn(|part| {
+            at(right, high)[part] - at(left, high)[part] - at(right, low)[part] + at(left, low)[part]
+        })
+    }
+}
+
 /// The nodes that a surface is fitted to.
 struct Data<'a> {
     field: &'a HeightField,
@@ -165,20 +209,22 @@ impl FittedSurface {
         if let Some(skins) = samples.skins.filter(|skins| skins.share >= SKINS) {
             return Err(FitError::TwoSkins(skins));
         }
-        let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
-        let mut nurbs = data.fit()?;
-        let mut residual = data.p95(&nurbs);
+        let (mut nurbs, mut residual) = Data::solved(&samples, |data| data.fit())?;
         let is_fine = |step: f64| part.spacing() <= RESOLVED * step;
-        while residual > options.tolerance && spans < options.most_spans {
+        while (residual > options.tolerance || samples.bends_between() > options.tolerance)
+            && spans < options.most_spans
+        {
             // The last doubling takes as long as all before it, and helps only parts with finer detail.
             if spans * 2 > options.most_spans && !is_fine(samples.field.step()) {
                 break;
             }
             spans *= 2;
             samples = part.sample(&samples.field.grid().halved());
-            let data = Data::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
-            nurbs = data.correct(nurbs.halved(), options.tolerance)?;
-            let before = std::mem::replace(&mut residual, data.p95(&nurbs));
+            let halved = nurbs.halved();
+            let (finer, left) =
+                Data::solved(&samples, |data| data.correct(halved.clone(), options.tolerance))?;
+            nurbs = finer;
+            let before = std::mem::replace(&mut residual, left);
             // Facets do not get smoother. Detail that is finer than the samples shows only after they resolve it.
             if before < 2.0 * residual && !is_fine(samples.field.step()) {
                 break;
@@ -206,19 +252,26 @@ impl FittedSurface {
             let [left, right, below, above] = beside.map(|node| self.differences[node]);
             let between = Vector2::new(right - left, above - below) / (2.0 * step);
             let sampled = self.nurbs.jet(self.field.position(column, row)).gradient + between;
-            let off = normal(sampled).cross(&normal(*known)).norm();
-            let negligible = NEGLIGIBLE_SLOPE * (1.0 + known.norm_squared()).powi(3);
-            (off > negligible).then_some((node, off))
+            Some((node, tangent(normal(sampled), normal(*known)), known.norm_squared()))
         };
-        let found: Vec<(usize, f64)> = self.field.surface_nodes().filter_map(off).collect();
-        if found.is_empty() {
+        let found: Vec<(usize, f64, f64)> = self.field.surface_nodes().filter_map(off).collect();
+        let is_notable =
+            |&(_, off, steep): &(usize, f64, f64)| off > NEGLIGIBLE_SLOPE * (1.0 + steep).powi(3);
+        if !found.iter().any(is_notable) {
             return self;
         }
+        let values =
+            found.iter().map(|there| (there.0, [there.1 * there.1, f64::from(is_notable(there)), 1.0]));
+        let sums = Sums::of(columns, rows, values);
         self.uncertainties.resize(columns * rows, Uncertainty::NONE);
-        for (node, off) in found {
+        for (node, off, _) in found.into_iter().filter(is_notable) {
             // It is a largest value. At an edge of the part the slope jumps itself, so that no larger one is between the nodes.
             let times = if is_at_edge.get(node) == Some(&true) { 1.0 } else { BETWEEN_NODES };
-            let slope = (times * off / Uncertainty::PEAK) as f32;
+            let of_jump = times * off / Uncertainty::PEAK;
+            // Where it differs all round, as on ribs that the samples do not show, it is a mean.
+            let [squares, notable, all] = sums.round(node, ROUND);
+            let of_ribs = if 2.0 * notable > all { off.min((squares / all).max(0.0).sqrt()) } else { 0.0 };
+            let slope = of_jump.max(of_ribs) as f32;
             let known = &mut self.uncertainties[node];
             *known = known.largest(Uncertainty { slope, height: (off * step / 4.0) as f32 });
         }
@@ -361,7 +414,55 @@ impl FittedSurface {
     }
 }
 
+impl PartSamples {
+    /// How far the part may be from what its samples show between them, mm: the distance that 95 % of the nodes stay below at
+    /// which the slope of the part is not that of the heights round them. Detail that is as fine as the samples shows in
+    /// nothing else: heights that are taken once in each rib are even.
+    fn bends_between(&self) -> f64 {
+        let step = self.field.step();
+        let off = |(column, row, _)| self.slope_off(column, row).map(|off| off * step / 4.0);
+        p95(self.field.surface_nodes().filter_map(off).collect())
+    }
+
+    /// By how much the slope of the part at a node differs from that of the heights round it, rad; `None` at the end of the
+    /// surface and at edges of the part.
+    fn slope_off(&self, column: usize, row: usize) -> Option<f64> {
+        let (columns, rows) = self.field.size();
+        let node = row * columns + column;
+        if column == 0 || row == 0 || column + 1 == columns || row + 1 == rows || self.is_at_edge[node] {
+            return None;
+        }
+        let height = |node: usize| match self.field.nodes()[node] {
+            Node::Surface(height) => Some(height),
+            Node::Empty | Node::Wall(_) => None,
+        };
+        let rise = |low: usize, high: usize| Some((height(high)? - height(low)?) / (2.0 * self.field.step()));
+        let sampled = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
+        let normal = |slope: Vector2<f64>| Vector3::new(-slope.x, -slope.y, 1.0).normalize();
+        Some(tangent(normal(sampled), normal(self.slopes[node])))
+    }
+}
+
 impl<'a> Data<'a> {
+    /// What `solve` finds of the nodes beside the edges of the part, and its residual at them, mm; where these do not determine a
+    /// surface, of all nodes.
+    fn solved(
+        samples: &'a PartSamples,
+        solve: impl Fn(&Self) -> Result<NurbsSurface, FitError>,
+    ) -> Result<(NurbsSurface, f64), FitError> {
+        let data = Self::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
+        let (data, nurbs) = match solve(&data) {
+            Err(FitError::Solve(_)) if data.used.iter().any(|used| !used) => {
+                let all = Self::new(&samples.field, |_| true)?;
+                let nurbs = solve(&all)?;
+                (all, nurbs)
+            }
+            found => (data, found?),
+        };
+        let residual = data.p95(&nurbs);
+        Ok((nurbs, residual))
+    }
+
     /// All nodes except those within `reach` steps of the `broken` nodes, through which no smooth surface passes.
     fn beside(field: &'a HeightField, broken: &[bool], reach: usize) -> Result<Self, FitError> {
         let near = grown(broken, field.size().0, reach);
@@ -493,6 +594,11 @@ fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
         }
     }
     marked
+}
+
+/// The tangent of the angle between two directions, at most that of the steepest surface.
+fn tangent(one: Vector3<f64>, other: Vector3<f64>) -> f64 {
+    one.cross(&other).norm() / one.dot(&other).max(STEEPEST_SURFACE.cos())
 }
 
 /// The 95th percentile.

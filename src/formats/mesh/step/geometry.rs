@@ -309,13 +309,12 @@ impl<'f, 'a> Geometry<'f, 'a> {
                 let origin = self.point(&axis, 1)?;
                 let direction = self.direction(&axis, 2)?.unwrap_or_else(Vector3::z);
                 let reach = reach(&profile, around, Some(origin));
-                let profile = from_axis(profile, origin, direction);
-                let side = nearest_side(&profile, around);
-                let Some(mut profile) = profile.as_spline(reach) else { return self.unread(record) };
-                if !one_sided(&mut profile, origin, direction, side) {
+                let axis = Unit::new_unchecked(direction);
+                let profile = profile.as_spline(reach);
+                let Some(profile) = profile.and_then(|profile| profile.one_side(origin, axis, around)) else {
                     return self.unread(record);
-                }
-                Ok(Surface::Patches(Patches::revolved(&profile, origin, Unit::new_unchecked(direction))))
+                };
+                Ok(Surface::Patches(Patches::revolved(&profile, origin, axis)))
             }
             "RECTANGULAR_TRIMMED_SURFACE" | "CURVE_BOUNDED_SURFACE" => {
                 self.surface(&first.follow(1)?, around, depth + 1)
@@ -607,98 +606,4 @@ fn reach(profile: &Curve, around: &[Point3<f64>], origin: Option<Point3<f64>>) -
 
 fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
-}
-
-/// A circle round a point of the axis starts on the axis, so that its halves are the two sides; other profiles stay.
-fn from_axis(profile: Curve, origin: Point3<f64>, axis: Vector3<f64>) -> Curve {
-    let Curve::Ellipse(frame, a, b) = &profile else { return profile };
-    let off = frame.origin - origin;
-    let is_centred = (off - axis * off.dot(&axis)).norm() < 1e-6 * a && frame.z.dot(&axis).abs() < 1e-6;
-    if a != b || !is_centred {
-        return profile;
-    }
-    match Frame::new(frame.origin, Some(frame.z), Some(axis)) {
-        Some(turned) => Curve::Ellipse(turned, *a, *b),
-        None => profile,
-    }
-}
-
-/// The side of a circle on which a face starts: where it is nearest to the loops of the face.
-fn nearest_side(profile: &Curve, around: &[Point3<f64>]) -> Option<Vector3<f64>> {
-    let Curve::Ellipse(frame, a, b) = profile else { return None };
-    let nearest = |side: f64| {
-        let arc = (1..16).map(|step| f64::from(step) / 16.0 * std::f64::consts::PI);
-        let places = arc.map(|angle| frame.point(a * angle.cos(), side * b * angle.sin(), 0.0));
-        places
-            .flat_map(|place| around.iter().map(move |point| (point - place).norm()))
-            .fold(f64::INFINITY, f64::min)
-    };
-    Some(if nearest(-1.0) < nearest(1.0) { -frame.y } else { frame.y })
-}
-
-/// Leaves of a profile only the curves on one side of the axis of its revolution, so that nothing is swept twice: on the side
-/// to which it reaches farther, or on the given one if it reaches as far to both; `false` if one curve is on both sides. A straight one is cut at the axis.
-fn one_sided(
-    profile: &mut Spline,
-    origin: Point3<f64>,
-    axis: Vector3<f64>,
-    side: Option<Vector3<f64>>,
-) -> bool {
-    let outward = |point: &Weighted| {
-        let from = point.xyz() / point.w - origin.coords;
-        from - axis * from.dot(&axis)
-    };
-    let farthest = profile
-        .curves
-        .iter()
-        .flat_map(|curve| &curve.points)
-        .map(outward)
-        .max_by(|a, b| a.norm().total_cmp(&b.norm()));
-    let Some(mut far) = farthest else { return false };
-    if let Some(side) = side.filter(|side| {
-        let across =
-            profile.curves.iter().flat_map(|curve| &curve.points).map(|point| outward(point).dot(side));
-        let [low, high] = range(across);
-        (low + high).abs() < 1e-6 * (high - low)
-    }) {
-        far = side * far.norm();
-    }
-    let side = far;
-    let near = 1e-9 * (1.0 + side.norm_squared());
-    let mut kept = Spline { breaks: Vec::new(), curves: Vec::new() };
-    for (index, curve) in profile.curves.iter().enumerate() {
-        let across: Vec<f64> = curve.points.iter().map(|point| outward(point).dot(&side)).collect();
-        let (low, high) = (
-            across.iter().copied().fold(f64::INFINITY, f64::min),
-            across.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-        );
-        let [from, to] = [profile.breaks[index], profile.breaks[index + 1]];
-        if low >= -near {
-            if kept.breaks.is_empty() {
-                kept.breaks.push(from);
-            } else if kept.breaks.last() != Some(&from) {
-                return false;
-            }
-            kept.curves.push(curve.clone());
-            kept.breaks.push(to);
-        } else if high > near {
-            // The axis is met once by a straight line, if the profile is in one plane with it.
-            let [first, last] = curve.points.as_slice() else { return false };
-            if !kept.curves.is_empty() || profile.curves.len() > 1 {
-                return false;
-            }
-            let share = across[0] / (across[0] - across[1]);
-            let middle = first + (last - first) * share;
-            let place = from + (to - from) * share;
-            let (points, breaks) = match across[0] > 0.0 {
-                true => (vec![*first, middle], vec![from, place]),
-                false => (vec![middle, *last], vec![place, to]),
-            };
-            kept = Spline { breaks, curves: vec![crate::geometry::solid::bezier::BezierCurve { points }] };
-        }
-    }
-    // A circle round a point of the axis may start in the middle of the side that is kept.
-    let is_whole = !kept.curves.is_empty();
-    *profile = kept;
-    is_whole
 }

@@ -6,6 +6,7 @@ from OCP.BRepBuilderAPI import (BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeFace
                                 BRepBuilderAPI_NurbsConvert)
 from OCP.BRepPrimAPI import (BRepPrimAPI_MakeCone, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakePrism, BRepPrimAPI_MakeRevol,
                              BRepPrimAPI_MakeSphere, BRepPrimAPI_MakeTorus)
+from OCP.GC import GC_MakeArcOfCircle
 from OCP.Geom import Geom_Ellipse, Geom_OffsetSurface, Geom_SurfaceOfRevolution, Geom_TrimmedCurve
 from OCP.Interface import Interface_Static
 from OCP.STEPCAFControl import STEPCAFControl_Writer
@@ -47,6 +48,17 @@ arc = BRepBuilderAPI_MakeEdge(half, 0, pi).Edge()
 chord = BRepBuilderAPI_MakeEdge(gp_Pnt(-30, 0, 0), gp_Pnt(30, 0, 0)).Edge()
 face = BRepBuilderAPI_MakeFace(BRepBuilderAPI_MakeWire(arc, chord).Wire()).Face()
 write("egg.step", BRepPrimAPI_MakeRevol(face, gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(1, 0, 0))).Shape())
+
+# A barrel and an apple: both sides of a circle that crosses the axis about which it is turned.
+RADIUS, OFF = 50, 20
+for name, off in (("barrel.step", -OFF), ("apple.step", OFF)):
+    height = 20
+    side = off + (RADIUS**2 - height**2) ** 0.5
+    at = [gp_Pnt(side, 0, -height), gp_Pnt(off + RADIUS, 0, 0), gp_Pnt(side, 0, height), gp_Pnt(0, 0, height), gp_Pnt(0, 0, -height)]
+    edges = [BRepBuilderAPI_MakeEdge(GC_MakeArcOfCircle(*at[:3]).Value()).Edge()]
+    edges += [BRepBuilderAPI_MakeEdge(*pair).Edge() for pair in ((at[2], at[3]), (at[3], at[4]), (at[4], at[0]))]
+    face = BRepBuilderAPI_MakeFace(BRepBuilderAPI_MakeWire(*edges).Wire()).Face()
+    write(name, BRepPrimAPI_MakeRevol(face, gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1))).Shape())
 
 # A roll on a sled on a table: two products in products, each with its own placement.
 doc = TDocStd_Document(TCollection_ExtendedString("step"))

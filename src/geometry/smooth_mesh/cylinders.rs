@@ -1,0 +1,467 @@
+//! Normals of vertices that are on one cylinder, as those of the round side of a can, a shaft, or a fillet along an edge.
+//!
+//! The vertices of a tessellation are on the part. Those of a strip of facets that are on one cylinder, to within what files
+//! state of them, and turn often enough, show its axis and radius far better than the facets round each of them: at rims, where a
+//! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. Two rings of vertices are also on the barrel or the ball that has both; there the facets
+//! beyond them are about as long, and lean as far, as those between them would.
+
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
+
+use super::SmoothMesh;
+use crate::geometry::adjacency::{NONE, facet_normal, width};
+use crate::geometry::cylinder::Cylinder;
+use crate::geometry::shape_fit::{cross_directions, fitted};
+
+/// Vertices on a cylinder are this close to it, mm, or …
+const ON: f64 = 1e-4;
+/// … this share of their largest coordinate: files state six to seven digits.
+const DIGITS: f64 = 1e-6;
+/// Vertices at this many angles round the axis show a circle: three define it, and two confirm it.
+const LEAST_ANGLES: usize = 5;
+/// Five vertices define a cylinder; by chance, five more are not on it.
+const LEAST_VERTICES: usize = 10;
+/// Angles that differ by less than this, rad, are one.
+const SAME_ANGLE: f64 = 1e-3;
+/// The facets of a cylinder leave it by at least so many times what a vertex may be off. Short pieces of any smooth curve are arcs;
+/// on fine meshes, their normals are known well from the vertices round them.
+const LEAST_BULGE: f64 = 50.0;
+/// Triangles from the first one on, on either side of it, on which a cylinder is looked for: where a fillet is narrower than the
+/// first number, the second.
+const REACHES: [usize; 2] = [4, 2];
+/// The normals of facets on a cylinder leave the plane across its axis by at most this share of what they turn in it.
+const LEAVES: f64 = 0.1;
+/// Facets that turn by less than this, rad, show no axis.
+const LEAST_TURN: f64 = 0.01;
+/// Points of which a cylinder is fitted, at most.
+const MOST_POINTS: usize = 400;
+/// Rounds in which a cylinder is fitted to the facets that it has gained.
+const ROUNDS: usize = 8;
+/// Meshes with more triangles are fine; a search would take long.
+const MOST_TRIANGLES: usize = 300_000;
+/// Facets beyond the end of a cylinder continue it, straight, where they lean along its axis by less than this, rad.
+const STRAIGHT: f64 = 1e-3;
+/// The chords of a smooth profile change in length by at most 1.6 from one to the next (`chains`); a cylinder is at least so many
+/// times as long as the facets of the curve that continues it.
+const LONGER: f64 = 2.0;
+/// Its facets may also be the only ones of an arc that goes on in the next ones, as on an oval. A cylinder is so long that such an
+/// arc would leave them so many times as far as the arcs round the axis (`long_sides`).
+const IMPLAUSIBLE: f64 = 6.0;
+/// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a cylinder that
+/// would leave the arc of a fillet by so many times as far as those of the cylinder meet it at an edge.
+const FARTHER: f64 = 2.0;
+/// Facets on a cylinder leave it by at most so many times as far as those in the middle of the first ones. A flat side between two
+/// lines of it, and the end of a can, have their vertices on it, too.
+const FLAT: f64 = 2.5;
+/// The normals of facets on a cylinder leave the plane across its axis by at most this, rad; where its rims are cut differently, by
+/// a few hundredths.
+const LEAN: f64 = 0.2;
+/// A triangle is that of the cylinder where its normals differ from the cylinder's by less than this, rad.
+const SAME_NORMAL: f64 = 1e-3;
+
+/// The facets of a mesh that are on one cylinder.
+struct Group {
+    cylinder: Cylinder,
+    /// How far its facets may leave it, mm.
+    most: f64,
+    /// In the order in which they are found.
+    triangles: Vec<usize>,
+}
+
+/// Replaces normals that are `estimated` by those of the cylinders that their vertices show; returns for each triangle whether it
+/// is part of a cylinder and has the normals of it; empty if there are none.
+pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<bool> {
+    let count = mesh.triangles.len();
+    if count > MOST_TRIANGLES || !estimated.contains(&true) {
+        return Vec::new();
+    }
+    let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
+    let search = Search { mesh, near: ON.max(DIGITS * largest) };
+    let mut is_known = vec![false; count];
+    let mut groups: Vec<(Group, Vec<u32>)> = Vec::new();
+    for triangle in 0..count {
+        let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
+        if is_known[triangle] || !is_open || !mesh.bulges(triangle) {
+            continue;
+        }
+        let Some(group) = search.group_at(triangle, &is_known) else { continue };
+        group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
+        if search.is_certain(&group) {
+            let at_edges = search.at_edges(&group);
+            groups.push((group, at_edges));
+        }
+    }
+    if groups.is_empty() {
+        return Vec::new();
+    }
+    let mut is_set = vec![false; mesh.positions.len()];
+    for (group, at_edges) in &groups {
+        let is_hollow = mesh.is_hollow(group);
+        for vertex in group.triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
+            let is_at_edge = at_edges.binary_search(&vertex).is_ok();
+            let vertex = vertex as usize;
+            if estimated[vertex] && !is_set[vertex] && !is_at_edge {
+                let outward = group.cylinder.outward(&mesh.positions[vertex]);
+                mesh.normals[vertex] = if is_hollow { -outward } else { outward };
+                is_set[vertex] = true;
+            }
+        }
+    }
+    let mut is_round = vec![false; count];
+    for (group, _) in &groups {
+        for &triangle in &group.triangles {
+            let (corners, normals) = mesh.corners(triangle);
+            is_round[triangle] = corners
+                .iter()
+                .zip(normals)
+                .all(|(corner, normal)| normal.cross(&group.cylinder.outward(corner)).norm() < SAME_NORMAL);
+        }
+    }
+    is_round
+}
+
+impl SmoothMesh {
+    /// Whether the facets of a group face its axis.
+    fn is_hollow(&self, group: &Group) -> bool {
+        let outward = |&triangle: &usize| {
+            let corners = self.corners(triangle).0;
+            facet_normal(corners).dot(&group.cylinder.outward(&corners[0]))
+        };
+        group.triangles.iter().map(outward).sum::<f64>() < 0.0
+    }
+}
+
+struct Search<'a> {
+    mesh: &'a SmoothMesh,
+    /// Vertices on a cylinder are this close to it, mm.
+    near: f64,
+}
+
+impl Search<'_> {
+    /// The facets on the cylinder of a triangle, if the strip across one of its sides shows one.
+    fn group_at(&self, triangle: usize, is_known: &[bool]) -> Option<Group> {
+        let tries = REACHES.into_iter().flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
+        let mut starts = tries.filter_map(|(reach, side)| {
+            let strip = self.strip(triangle, side, reach);
+            let cylinder = self.cylinder_of(&strip)?;
+            let mut bulges: Vec<f64> =
+                strip.iter().map(|&triangle| self.bulge_on(&cylinder, triangle)).collect();
+            bulges.sort_by(f64::total_cmp);
+            let usual = bulges[bulges.len() / 2];
+            let group = Group { cylinder, most: FLAT * usual, triangles: Vec::new() };
+            (usual >= LEAST_BULGE * self.near).then_some(group)
+        });
+        starts.find_map(|mut group| {
+            for _ in 0..ROUNDS {
+                let found = self.grown(&group, triangle, is_known);
+                if found.len() <= group.triangles.len() {
+                    break;
+                }
+                group.triangles = found;
+                group.cylinder = fitted(
+                    &self.some_points(&group.triangles),
+                    group.cylinder,
+                    Cylinder::distance_and_derivatives,
+                    Cylinder::moved,
+                );
+            }
+            let found = std::mem::take(&mut group.triangles);
+            let is_on = |triangle: &usize| self.is_on(&group, *triangle);
+            group.triangles = found.into_iter().filter(is_on).collect();
+            (group.triangles.len() >= REACHES[1]).then_some(group)
+        })
+    }
+
+    /// A triangle and some on both sides of it, along the direction of one of its sides.
+    fn strip(&self, triangle: usize, along: usize, reach: usize) -> Vec<usize> {
+        let direction = |side: usize| {
+            let [from, to] = self.mesh.ends(side);
+            (to - from).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+        };
+        let mut strip = vec![triangle];
+        for first in [(along + 1) % 3, (along + 2) % 3] {
+            let (mut leaves, mut course) = (3 * triangle + first, direction(3 * triangle + along));
+            for _ in 0..reach {
+                let entered = self.mesh.continued[leaves];
+                if entered == NONE || strip.contains(&(entered as usize / 3)) {
+                    break;
+                }
+                let (here, corner) = (entered as usize / 3, entered as usize % 3);
+                strip.push(here);
+                let [one, other] = [1, 2].map(|turn| 3 * here + (corner + turn) % 3);
+                let follows = |side: usize| direction(side).dot(&course).abs();
+                let (rim, next) = if follows(one) > follows(other) { (one, other) } else { (other, one) };
+                (leaves, course) = (next, direction(rim));
+            }
+        }
+        strip
+    }
+
+    /// The cylinder on which the vertices of all these triangles are.
+    fn cylinder_of(&self, triangles: &[usize]) -> Option<Cylinder> {
+        let normals = || triangles.iter().map(|&triangle| facet_normal(self.mesh.corners(triangle).0));
+        let spread: Matrix3<f64> = normals().map(|normal| normal * normal.transpose()).sum();
+        let eigen = (spread / triangles.len() as f64).symmetric_eigen();
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+        let [off, turn] = [0, 1].map(|index: usize| eigen.eigenvalues[order[index]].max(0.0).sqrt());
+        if turn < LEAST_TURN || off > LEAVES * turn {
+            return None;
+        }
+        let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
+        let points = self.some_points(triangles);
+        let start = circle_about(axis, &points)?;
+        let found = fitted(&points, start, Cylinder::distance_and_derivatives, Cylinder::moved);
+        points.iter().all(|point| found.distance(point).abs() <= self.near).then_some(found)
+    }
+
+    /// The triangles on a cylinder that can be reached from one of them.
+    fn grown(&self, group: &Group, from: usize, is_known: &[bool]) -> Vec<usize> {
+        let mut found = vec![from];
+        let mut is_found = vec![from];
+        let mut next = 0;
+        while next < found.len() {
+            let here = found[next];
+            next += 1;
+            for side in 3 * here..3 * here + 3 {
+                let other = self.mesh.continued[side];
+                if other == NONE {
+                    continue;
+                }
+                let there = other as usize / 3;
+                let Err(place) = is_found.binary_search(&there) else { continue };
+                if is_known[there] || !self.is_on(group, there) {
+                    continue;
+                }
+                is_found.insert(place, there);
+                found.push(there);
+            }
+        }
+        found
+    }
+
+    fn is_on(&self, Group { cylinder, most, .. }: &Group, triangle: usize) -> bool {
+        let corners = self.mesh.corners(triangle).0;
+        corners.iter().all(|point| cylinder.distance(point).abs() <= self.near)
+            && self.bulge_on(cylinder, triangle) <= *most
+            && facet_normal(corners).dot(&cylinder.axis).abs() < LEAN
+    }
+
+    /// The different vertices of some triangles, evenly chosen if there are many.
+    fn some_points(&self, triangles: &[usize]) -> Vec<Point3<f64>> {
+        let mut vertices: Vec<u32> =
+            triangles.iter().flat_map(|&triangle| self.mesh.triangles[triangle]).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let step = vertices.len().div_ceil(MOST_POINTS).max(1);
+        vertices.into_iter().step_by(step).map(|vertex| self.mesh.positions[vertex as usize]).collect()
+    }
+
+    /// Whether the vertices of a group show that it is a cylinder, and nothing beyond its ends contradicts.
+    fn is_certain(&self, group: &Group) -> bool {
+        let Group { cylinder, triangles, .. } = group;
+        let (first, second) = cross_directions(&cylinder.axis);
+        let corners = || triangles.iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
+        let mut angles: Vec<f64> = corners()
+            .map(|point| cylinder.outward(&point))
+            .map(|outward| outward.dot(&second).atan2(outward.dot(&first)))
+            .collect();
+        angles.sort_by(f64::total_cmp);
+        angles.dedup_by(|next, kept| *next - *kept < SAME_ANGLE);
+        let count = self.some_points(triangles).len();
+        if count < LEAST_VERTICES || angles.len() < LEAST_ANGLES {
+            return false;
+        }
+        let along = corners().map(|point| (point - cylinder.center).dot(&cylinder.axis));
+        let [low, high] = along
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
+        let bulge = self.largest_bulge(group);
+        let continues = |beyond: usize| {
+            let corners = self.mesh.corners(beyond / 3).0;
+            let lean = facet_normal(corners).dot(&cylinder.axis).abs();
+            let (length, own) = (width(corners, beyond % 3), high - low);
+            let is_fillet = length * LONGER <= own && length * lean / 4.0 <= FARTHER * bulge;
+            lean < STRAIGHT || is_fillet && own * lean / 4.0 > IMPLAUSIBLE * bulge
+        };
+        self.ends(group).into_iter().all(|(_, beyond)| continues(beyond))
+    }
+
+    /// The vertices of a group at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
+    /// facets of an arc or flat side that continues it would leave it no farther than its own. In ascending order.
+    fn at_edges(&self, group: &Group) -> Vec<u32> {
+        let bulge = self.largest_bulge(group);
+        let is_edge = |&(side, beyond): &(usize, usize)| {
+            let [from, to] = self.mesh.ends(side);
+            let corners = self.mesh.corners(beyond / 3).0;
+            let outward = group.cylinder.outward(&nalgebra::center(&from, &to));
+            let lean = facet_normal(corners).cross(&outward).norm();
+            lean > STRAIGHT && width(corners, beyond % 3) * lean / 4.0 > FARTHER * bulge
+        };
+        let edges = self.ends(group).into_iter().filter(is_edge);
+        let mut vertices: Vec<u32> = edges
+            .flat_map(|(side, _)| {
+                let corners = self.mesh.triangles[side / 3];
+                [corners[side % 3], corners[(side % 3 + 1) % 3]]
+            })
+            .collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        vertices
+    }
+
+    /// The sides of a group's triangles that others continue, with the sides of these.
+    fn ends(&self, group: &Group) -> Vec<(usize, usize)> {
+        let mut members = group.triangles.clone();
+        members.sort_unstable();
+        let sides = group.triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let continued = sides.map(|side| (side, self.mesh.continued[side]));
+        let beyond = continued
+            .filter(|&(_, other)| other != NONE && members.binary_search(&(other as usize / 3)).is_err());
+        beyond.map(|(side, other)| (side, other as usize)).collect()
+    }
+
+    fn largest_bulge(&self, Group { cylinder, triangles, .. }: &Group) -> f64 {
+        triangles.iter().map(|&triangle| self.bulge_on(cylinder, triangle)).fold(0.0, f64::max)
+    }
+
+    /// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
+    fn bulge_on(&self, cylinder: &Cylinder, triangle: usize) -> f64 {
+        let [a, b, c] = self.mesh.corners(triangle).0;
+        let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
+        middles.map(|middle| cylinder.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
+    }
+}
+
+/// The cylinder about a direction whose circle is nearest to the points (Kåsa, A circle fitting procedure and its error analysis,
+/// IEEE Transactions on Instrumentation and Measurement 25, 1976).
+fn circle_about(axis: Unit<Vector3<f64>>, points: &[Point3<f64>]) -> Option<Cylinder> {
+    let middle =
+        Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64);
+    let (first, second) = cross_directions(&axis);
+    let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for point in points {
+        let from = point - middle;
+        let row = Vector3::new(from.dot(&first), from.dot(&second), 1.0);
+        matrix += row * row.transpose();
+        right += row * (row.x * row.x + row.y * row.y);
+    }
+    let solution = matrix.cholesky()?.solve(&right);
+    let [x, y] = [solution.x / 2.0, solution.y / 2.0];
+    let radius = (solution.z + x * x + y * y).sqrt();
+    radius.is_finite().then(|| Cylinder { center: middle + first * x + second * y, axis, radius })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::mesh::TriMesh;
+    use crate::geometry::space::View;
+
+    /// The strip between two rings about the z axis, each with its angles, rad, from the first to the last of them; the next vertex is
+    /// taken on the ring that is behind.
+    fn strip(
+        positions: &mut Vec<Point3<f64>>,
+        triangles: &mut Vec<[u32; 3]>,
+        rings: [(f64, f64, &[f64]); 2],
+    ) {
+        let first = [0, 1].map(|ring: usize| {
+            let (radius, height, angles) = rings[ring];
+            let start = positions.len() as u32;
+            positions.extend(
+                angles.iter().map(|angle| Point3::new(radius * angle.cos(), radius * angle.sin(), height)),
+            );
+            start
+        });
+        let (low, high) = (rings[0].2, rings[1].2);
+        let (mut i, mut j) = (0, 0);
+        while i + 1 < low.len() || j + 1 < high.len() {
+            let (one, other) = (first[0] + i as u32, first[1] + j as u32);
+            if j + 1 == high.len() || (i + 1 < low.len() && low[i + 1] <= high[j + 1]) {
+                triangles.push([one, one + 1, other]);
+                i += 1;
+            } else {
+                triangles.push([one, other + 1, other]);
+                j += 1;
+            }
+        }
+    }
+
+    fn uneven(count: usize, seed: u64) -> Vec<f64> {
+        let mut state = seed;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
+        };
+        let inner = |index: usize| if index == 0 || index == count { 0.0 } else { 0.7 };
+        (0..=count).map(|index| (index as f64 + inner(index) * random()) * 3.0 / count as f64).collect()
+    }
+
+    fn smooth(positions: Vec<Point3<f64>>, triangles: Vec<[u32; 3]>) -> SmoothMesh {
+        SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top())
+    }
+
+    #[test]
+    fn normals_of_a_can_are_exact_however_unevenly_its_rims_are_cut() {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let (low, high) = (uneven(20, 3), uneven(23, 8));
+        strip(&mut positions, &mut triangles, [(33.0, 0.0, &low), (33.0, 60.0, &high)]);
+        // A fillet at one rim.
+        for step in 0..4 {
+            let at = |step: usize| {
+                let angle = step as f64 / 4.0 * std::f64::consts::FRAC_PI_2;
+                (32.0 + angle.cos(), 60.0 + angle.sin(), high.as_slice())
+            };
+            strip(&mut positions, &mut triangles, [at(step), at(step + 1)]);
+        }
+        let can = smooth(positions, triangles);
+        let mut found = 0;
+        for (at, normal) in can.positions.iter().zip(&can.normals) {
+            if (at.coords.xy().norm() - 33.0).abs() < 1e-9 {
+                let radial = Vector3::new(at.x, at.y, 0.0).normalize();
+                assert!((normal - radial).norm() < 1e-6, "{at}: {normal:?}");
+                found += 1;
+            }
+        }
+        assert!(found >= 45, "{found}");
+    }
+
+    #[test]
+    fn a_flat_side_between_two_lines_of_a_shaft_stays_flat() {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        // Steps of 0.15 rad, and one of 1.2 rad.
+        let angles: Vec<f64> =
+            (0..20).map(|step| f64::from(step) * 0.15 + if step > 8 { 1.05 } else { 0.0 }).collect();
+        strip(&mut positions, &mut triangles, [(20.0, 0.0, &angles), (20.0, 50.0, &angles)]);
+        let shaft = smooth(positions, triangles);
+        for triangle in 0..shaft.triangles.len() {
+            let (corners, _) = shaft.corners(triangle);
+            let middle = nalgebra::center(&corners[0], &corners[1]);
+            let flat = facet_normal(corners);
+            if 20.0 - middle.coords.xy().norm() > 0.3 {
+                let bulge = shaft.patch(triangle).largest_bulge();
+                assert!(bulge < 0.5, "{bulge} mm over the flat side with normal {flat:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn two_equal_rings_of_a_barrel_are_no_cylinder() {
+        // Rings at even steps of a profile of R = 100 mm: the middle strip is on a cylinder.
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let angles: Vec<f64> = (0..=20).map(|step| f64::from(step) * 0.15).collect();
+        let ring = |step: i32| {
+            let tilt = (f64::from(step) - 0.5) * 0.1;
+            (100.0 * tilt.cos() - 70.0, 100.0 * tilt.sin(), angles.as_slice())
+        };
+        for step in -3..4 {
+            strip(&mut positions, &mut triangles, [ring(step), ring(step + 1)]);
+        }
+        let barrel = smooth(positions, triangles);
+        for (at, normal) in barrel.positions.iter().zip(&barrel.normals) {
+            let across = at.coords.xy().norm();
+            let exact = Vector3::new(at.x / across * (across + 70.0), at.y / across * (across + 70.0), at.z)
+                .normalize();
+            let is_inside = at.z.abs() < 20.0 && (0.4..2.6).contains(&at.y.atan2(at.x));
+            assert!(!is_inside || (normal - exact).norm() < 0.01, "{at}: {normal:?} for {exact:?}");
+        }
+    }
+}
