@@ -125,6 +125,9 @@ pub fn read(
     options: &MeshOptions,
     siblings: &BTreeMap<String, Vec<u8>>,
 ) -> Result<PartReading, MeshReadError> {
+    if bytes.is_empty() {
+        return Err(MeshReadError::EmptyFile);
+    }
     let format = format.of_content(bytes);
     foreign::check(bytes, format)?;
     let part = match format {
@@ -166,6 +169,9 @@ pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshR
 /// # Errors
 /// When the file is incomplete; see [`MeshReadError`].
 pub fn is_whole(bytes: &[u8], format: MeshFormat) -> Result<(), MeshReadError> {
+    if bytes.is_empty() {
+        return Err(MeshReadError::EmptyFile);
+    }
     let format = format.of_content(bytes);
     foreign::check(bytes, format)?;
     match format {
