@@ -153,6 +153,7 @@ pub fn read(
 /// See [`MeshReadError`]; buffers outside the part's folder are an error.
 pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     match format.of_content(bytes) {
+        MeshFormat::Gltf | MeshFormat::Glb if bytes.is_empty() => Err(MeshReadError::EmptyFile),
         format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::named_files(bytes, format),
         MeshFormat::Obj
         | MeshFormat::Stl

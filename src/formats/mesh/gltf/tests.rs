@@ -318,6 +318,7 @@ fn containers_that_are_cut_off_or_foreign_are_refused() {
     let step = MeshReadError::OtherFormat { format: MeshFormat::Glb, found: mesh::Content::Step };
     assert_eq!(read_glb(b"ISO-10303-21;\n"), Err(step));
     assert_eq!(read_glb(b""), Err(MeshReadError::EmptyFile));
+    assert_eq!(mesh::named_files(b"", MeshFormat::Glb).err(), Some(MeshReadError::EmptyFile));
     let found = "\"ISO-10303-22;\\n\"".into();
     let refused = MeshReadError::NotThisFormat { format: MeshFormat::Glb, found };
     assert_eq!(read_glb(b"ISO-10303-22;\n"), Err(refused));
