@@ -78,7 +78,7 @@ enum Command {
     Inspect(inspect::InspectArguments),
     /// Describes what changed between two drawings.
     Diff(diff::DiffArguments),
-    /// Plans a production line: how long a drawing takes on a belt, and how fast the belt may be.
+    /// Plans a production line: how long a drawing takes on a belt, and how fast the belt may move.
     Plan(plan::PlanArguments),
     /// Explains a code of a reason or notice: what it means and what to do.
     Explain(explain::ExplainArguments),

@@ -142,7 +142,7 @@ impl Reason {
     /// ```
     /// # use isomark::reason::Reason;
     /// let reason = Reason::new("mesh-truncated", "the file is cut off", "copy it again");
-    /// assert_eq!(reason.to_string(), "The file is cut off.\n  remedy: Copy it again.");
+    /// assert_eq!(reason.to_string(), "The file is cut off.\n  what to do: Copy it again.");
     /// ```
     pub fn new(code: &str, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self {
@@ -187,12 +187,12 @@ impl std::fmt::Display for Reason {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(out, "{}", on_one_line(&self.what))?;
         if !self.place.is_unknown() {
-            write!(out, "\n  where:  {}", on_one_line(&self.place.to_string()))?;
+            write!(out, "\n  where:      {}", on_one_line(&self.place.to_string()))?;
         }
         if let Some(number) = &self.number {
-            write!(out, "\n  number: {}", on_one_line(&number.to_string()))?;
+            write!(out, "\n  number:     {}", on_one_line(&number.to_string()))?;
         }
-        write!(out, "\n  remedy: {}", on_one_line(&self.remedy))
+        write!(out, "\n  what to do: {}", on_one_line(&self.remedy))
     }
 }
 
@@ -203,7 +203,7 @@ impl Reason {
         // These two are clear from their text.
         let is_plain = ["environment", "usage"].contains(&self.code.as_str());
         match Code::named(&self.code).filter(|_| !is_plain) {
-            Some(Code { code, .. }) => format!("{self}\n  more:   isomark explain {code}"),
+            Some(Code { code, .. }) => format!("{self}\n  more:       isomark explain {code}"),
             None => self.to_string(),
         }
     }
@@ -281,11 +281,11 @@ impl Notice {
     }
 }
 
-/// Turns an error message, which in Rust has no capital and no full stop, into a sentence. A first word such as `glTF`
-/// or `part.bin` keeps its case.
+/// Turns an error message, which in Rust has no capital and no full stop, into a sentence. A first word such as `glTF`,
+/// `part.bin` or `isomark` keeps its case.
 fn sentence(mut text: String) -> String {
     let first = text.split([' ', ',']).next().unwrap_or_default();
-    if !first.is_empty() && first.chars().all(|letter| letter.is_ascii_lowercase()) {
+    if !first.is_empty() && first != "isomark" && first.chars().all(|letter| letter.is_ascii_lowercase()) {
         text[..1].make_ascii_uppercase();
     }
     if !text.is_empty() && !text.ends_with(['.', '!', '?', ':']) {

@@ -689,7 +689,7 @@ impl Report {
             if self.part.surface_from_cache { ", from the cache" } else { "" },
         );
         let mut lines = vec![format!(
-            "length error  {}{:.3} mm on {:.1} mm of lines, at most {}{:.3} % of a piece",
+            "length error  {}{:.3} mm on {:.1} mm of lines, largest stretch {}{:.3} %",
             from(|quality| quality.length_error_mm, 3),
             after.length_error_mm,
             after.length_mm,
@@ -732,7 +732,7 @@ impl Report {
             None => "part".to_owned(),
         };
         lines.push(format!(
-            "surface       within {:.4} mm of the {measured} under the ink; the beam hits it at up to {:.0} deg",
+            "surface       residual at most {:.4} mm under the ink, from the {measured}; the beam hits it at up to {:.0} deg",
             self.part.residual.under_ink_mm, self.exposure.incidence_deg,
         ));
         let [lowest, highest] = self.exposure.height_mm;

@@ -266,7 +266,7 @@ fn a_list_waits_for_its_drawing_and_a_scan_is_no_list() {
         .collect();
     station.put("flat.csv", &points);
     let log = station.once();
-    assert!(log.contains("flat.csv is now the part of flat"), "{log}");
+    assert!(log.contains("flat.csv is now the part of SKU `flat`"), "{log}");
 }
 
 /// SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014).

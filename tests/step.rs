@@ -274,10 +274,25 @@ fn damaged_files_give_a_reason_with_line_and_record() {
             Err(error) => {
                 let reason = error.reason();
                 assert!(reason.what.contains(word), "{to}: {}", reason.what);
-                assert!(reason.place.line.is_some(), "{to}: {reason:?}");
+                let is_step = !reason.what.contains("not a STEP file");
+                assert_eq!(reason.place.line.is_some(), is_step, "{to}: {reason:?}");
                 assert!(!reason.remedy.is_empty());
             }
         }
+    }
+    for other in ["hello", "hello\nworld\n", "  v 1 2 3\n"] {
+        let found = other.trim().lines().next().unwrap();
+        for refused in
+            [read(other.as_bytes()).map(|_| ()), mesh::is_whole(other.as_bytes(), MeshFormat::Step)]
+        {
+            let error = refused.unwrap_err();
+            assert!(!error.is_cut_short(), "{error}");
+            assert_eq!(error.reason().what, format!("This is not a STEP file: it begins with \"{found}\"."));
+            assert_eq!(error.reason().remedy, "Export the part as STEP again.");
+        }
+    }
+    for begun in [&b""[..], b"ISO-103", b" ISO-10303-21;\n", b"/* begun", b"\0\0\0"] {
+        assert!(mesh::is_whole(begun, MeshFormat::Step).unwrap_err().is_cut_short(), "{begun:?}");
     }
     let cut = text("can/part.step");
     for end in [1, 14, 300, 1000, 5000, cut.len() - 30] {

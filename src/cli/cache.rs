@@ -25,7 +25,7 @@ pub(super) struct CacheArguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Lists the kept surfaces, one per line; `*` marks the part last learned for its SKU.
+    /// Lists the fitted surfaces, one per line; `*` marks the current part of its SKU.
     List,
     /// Reads every entry and its checksum; exit code 1 if one is damaged.
     Verify {
@@ -58,7 +58,7 @@ fn entries(cache: &Cache) -> Result<Vec<CacheEntry>, Failure> {
 fn list(cache: &Cache) -> Outcome {
     for entry in entries(cache)? {
         let state = match &entry.state {
-            EntryState::Good { part, residual_mm } => format!("{part}, residual {residual_mm:.4} mm"),
+            EntryState::Good { part, residual_mm } => format!("{part}, largest residual {residual_mm:.4} mm"),
             EntryState::Damaged(what) => format!("damaged: {what}"),
         };
         let mark = if entry.current { '*' } else { ' ' };
@@ -96,7 +96,7 @@ fn verify(cache: &Cache, repair: bool) -> Outcome {
     Err(Failure::rejected(
         Reason::new(
             "cache-damaged",
-            "Some kept surfaces are damaged and not used.",
+            "Some fitted surfaces are damaged and not used.",
             "Run `isomark cache verify --repair`, or ignore them: isomark fits them again when they are needed.",
         )
         .with_number("damaged entries", damaged.len() as f64, "", Some(0.0)),
@@ -106,7 +106,8 @@ fn verify(cache: &Cache, repair: bool) -> Outcome {
 fn remove(cache: &Cache, skus: &[String]) -> Outcome {
     for name in skus {
         let known = cache.remove(&parse_sku(name)?).map_err(|error| Failure::environment(&error))?;
-        tell(&format!("{}: {}", on_one_line(name), if known { "removed" } else { "was not kept" }));
+        let name = on_one_line(name);
+        tell(&if known { format!("{name}: removed") } else { format!("{name} has no fitted surface here") });
     }
     Ok(())
 }

@@ -11,6 +11,7 @@ use super::set::SetArguments;
 use super::shell;
 use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
 use crate::files::{temporary, write_whole};
+use crate::hotfolder;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
@@ -67,6 +68,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         let what = format!("The log {} is a folder.", log.file.display());
         troubles.push(Reason::new("log-is-folder", what, "Name a file in it."));
     }
+    troubles.extend(station.page.as_ref().and_then(hotfolder::page_trouble));
     refuse_for(troubles.into_iter().map(|reason| Failure::new(Exit::Environment, reason)).collect())?;
     let plural = if skus == 1 { "file" } else { "files" };
     print(&format!("{}: {} and {skus} SKU {plural} are valid\n", station.name, shown(&arguments.station)));
@@ -80,7 +82,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         );
     }
     if let Some(page) = &station.page {
-        print(&format!("  page        http://{}/\n", page.address));
+        print(&format!("  page        {}\n", on_one_line(&page.shown_address())));
     }
     if station.delivery.kind == DeliveryKind::Beamserver {
         print(&format!("  BeamServer  {}\n", on_one_line(&station.delivery.address)));

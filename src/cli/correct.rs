@@ -97,10 +97,14 @@ pub(super) struct CorrectArguments {
     /// height, such as OUT.z+1.500.dxf.
     #[arg(long)]
     step_files: bool,
-    /// Prints the report, or the reason of a refusal, as JSON on standard output.
+    /// Prints the report, or the reason for a rejection, as JSON on standard output.
     #[arg(long)]
     pub(super) json: bool,
 }
+
+/// Extensions of files that are never DXF drawings. `--out` may have any other extension or none.
+const OTHER_KINDS: &[&str] =
+    &["svg", "png", "bmp", "pdf", "csv", "json", "html", "toml", "glb", "gltf", "obj", "stl", "step", "ply"];
 
 pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let out = match (&arguments.out, &arguments.list) {
@@ -127,11 +131,11 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         ("--frame-drawing", arguments.frame_drawing.as_ref(), "dxf", "a DXF drawing"),
     ];
     for (option, file, ending, kind) in pictures {
-        check_ending(option, file, ending, kind)?;
+        check_extension(option, file, &[ending], kind)?;
     }
-    if let Some(file) = arguments.xyz.as_ref().filter(|file| !has_ending(file, "csv")) {
-        check_ending("--xyz", Some(file), "dxf", "a list of points (.csv) or a DXF")?;
-    }
+    let out_of_other_kind = Some(out).filter(|file| OTHER_KINDS.iter().any(|kind| has_ending(file, kind)));
+    check_extension("--out", out_of_other_kind, &["dxf"], "a DXF drawing")?;
+    check_extension("--xyz", arguments.xyz.as_ref(), &["csv", "dxf"], "a list of points or a DXF")?;
     let previous = replaced(out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
@@ -172,13 +176,19 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     Ok(())
 }
 
-/// Refuses a picture whose name has the ending of another kind of file.
-pub(super) fn check_ending(option: &str, file: Option<&PathBuf>, ending: &str, kind: &str) -> Outcome {
-    match file.filter(|file| !has_ending(file, ending)) {
+/// Refuses a file whose name has the extension of another kind of file.
+pub(super) fn check_extension(
+    option: &str,
+    file: Option<&PathBuf>,
+    extensions: &[&str],
+    kind: &str,
+) -> Outcome {
+    let is_other = |file: &&PathBuf| !extensions.iter().any(|extension| has_ending(file, extension));
+    match file.filter(is_other) {
         None => Ok(()),
         Some(file) => Err(Failure::usage(
-            format!("`{option}` writes {kind}, and {} has another ending.", file.display()),
-            format!("Give the file the ending .{ending}."),
+            format!("`{option}` writes {kind}, and {} has another extension.", file.display()),
+            format!("Give the file the extension .{}.", extensions.join(" or .")),
         )),
     }
 }

@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &DemoArguments) -> Outcome {
          \n{table}\n{} drawings delivered, {} rejected.\n\ncorrected drawings  {}\nreports, pictures   {}\nsettings            {}\n\
          \nDrop a part and a drawing into {} and run\n  {}\n",
         shown(&page),
-        tally.delivered,
+        tally.delivered + tally.unchanged,
         tally.rejected,
         shown(&folders.import),
         shown(&folders.reports),
@@ -108,7 +108,7 @@ fn set_up(folder: &Path) -> std::io::Result<()> {
 fn table(reports: &Path) -> std::io::Result<String> {
     let mut text = format!(
         "{:<10} {:<16} {:<10} {:>14} {:>22} {:>9}\n",
-        "SKU", "drawing", "method", "surface off mm", "length error mm", "work ms"
+        "SKU", "drawing", "method", "residual mm", "length error mm", "work ms"
     );
     for (name, _) in DROPS {
         let Some((sku, _)) = name.split_once('@') else { continue };

@@ -68,8 +68,8 @@ pub(super) fn run(arguments: &EvaluateArguments) -> Outcome {
 
 /// What the last line of the table means.
 const FLOOR: &str = "
-`floor` is the least that was found for each figure alone: an estimate, not a proven bound. Where a part is curved in two
-directions, no map reaches all three at once. The rows `only ...` lower one figure, and show what that costs in the others.
+`floor` is the least that was found for each value alone: an estimate, not a proven bound. Where a part is curved in two
+directions, no map reaches all three at once. The rows `only ...` lower one value, and show what that costs in the others.
 ";
 
 fn table(evaluation: &Evaluation) -> String {

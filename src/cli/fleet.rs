@@ -201,7 +201,7 @@ fn words(status: &FleetStatus, address: &Address) -> String {
             StationState::Stopped => "stopped".to_owned(),
         };
         text += &format!(
-            "  {}: {state}; {} delivered, {} learned, {} rejected, {} waiting",
+            "  {}: {state}; {} delivered, {} fitted, {} rejected, {} waiting",
             on_one_line(&station.name),
             station.delivered,
             station.learned,

@@ -7,7 +7,7 @@ use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::correct::{check_ending, has_ending};
+use super::correct::{check_extension, has_ending};
 use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
@@ -75,7 +75,12 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
         written.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?))).collect();
     apart(&[&arguments.file], &written)?;
     if !arguments.preview.as_ref().is_some_and(|file| has_ending(file, "html")) {
-        check_ending("--preview", arguments.preview.as_ref(), "svg", "an SVG picture or an HTML page")?;
+        check_extension(
+            "--preview",
+            arguments.preview.as_ref(),
+            &["svg", "html"],
+            "an SVG picture or an HTML page",
+        )?;
     }
     let mut overrides = Overrides::default();
     arguments.meaning.add_to(&mut overrides)?;
@@ -166,7 +171,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
                 PatternReadError::NotDxf { .. } if mesh::is_unread_part(&name) => {
                     Failure::rejected(unknown_part_format(&name))
                 }
-                error => Failure::rejected(error.reason().in_file(&name)),
+                error => Failure::rejected(error.reason_for(&name)),
             })?;
             let lost = lost_ink(&reading.facts).filter(|_| settings.losses == Losses::Refuse);
             reading.facts.notices.extend(lost);
@@ -229,8 +234,8 @@ fn surface_file(path: &Path) -> Result<(&Path, SurfaceFormat), Failure> {
     let name = name_of(path)?;
     let format = SurfaceFormat::from_name(&name).ok_or_else(|| {
         Failure::usage(
-            format!("The ending of \"{name}\" is not a format of surfaces."),
-            format!("Give the file the ending {}.", SurfaceFormat::ENDINGS),
+            format!("The extension of \"{name}\" is not that of a format of surfaces."),
+            format!("Give the file the extension {}.", SurfaceFormat::ENDINGS),
         )
     })?;
     Ok((path, format))

@@ -15,8 +15,9 @@ pub(super) struct MeaningArguments {
     /// Axis of the part's file that points up: z or y. Default: decided by the format and the program that wrote the file.
     #[arg(long, value_name = "AXIS", help_heading = "Part and drawing")]
     part_up: Option<String>,
-    /// What the surface follows between the vertices of a mesh: auto (default), file (the normals of the file), facets (the
-    /// flat triangles) or estimate (normals estimated from the triangles).
+    /// What the surface follows between the vertices of a mesh: auto (default: the file's normals if they are those of
+    /// the surface, otherwise estimated), file (the normals of the file), facets (the flat triangles) or estimate (normals
+    /// estimated from the triangles).
     #[arg(long, value_name = "WHAT", help_heading = "Part and drawing")]
     normals: Option<String>,
     /// Widest gap that is bridged, mm, 0 to 100: a hole in a mesh where triangles are missing, or a gap in a scan. Default:

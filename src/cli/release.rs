@@ -34,7 +34,7 @@ pub(super) struct ReleaseArguments {
     #[command(flatten)]
     place: Place,
     /// Only for the station with this name. There, it is used in place of the release for all.
-    #[arg(long, value_name = "LINE", conflicts_with = "history")]
+    #[arg(long, value_name = "STATION", conflicts_with = "history")]
     station: Option<String>,
     /// Records this name as the author, beside the login, in the list of versions and in the files at the stations.
     #[arg(long, value_name = "NAME", conflicts_with = "history", value_parser = parse_author)]

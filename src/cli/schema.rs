@@ -41,7 +41,7 @@ documents! {
     "registration": "where a part stands under the laser",
     "rotary": "the tiles of a mark round the part, with the angles of the rotary axis",
     "list": "the products of a list, each with its serial number and its drawing",
-    "plan": "how long a drawing takes on a belt, and how fast the belt may be",
+    "plan": "how long a drawing takes on a belt, and how fast the belt may move",
     "codes": "codes of reasons and notices, explained",
 }
 

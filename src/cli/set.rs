@@ -9,9 +9,9 @@ use crate::formats::pattern;
 /// The option that gives any setting.
 #[derive(Debug, Args)]
 pub(super) struct SetArguments {
-    /// Sets any setting for this run, such as `correction.tolerance_mm=0.02` or `part.unit=inch`; may be repeated. It replaces
-    /// the value in all files. In commands for a station it replaces the value in the station's file, and a SKU's file still
-    /// overrides it.
+    /// Sets any setting for this run, such as `correction.tolerance_mm=0.02` or `part.unit=inch`; may be repeated. In `check`,
+    /// `watch`, `status`, `retry`, `calibrate` and `register` it replaces the value in the station's file, and a SKU's file still
+    /// overrides it. In all other commands it replaces the value in all files.
     #[arg(long, value_name = "TABLE.KEY=VALUE", value_parser = parse_pair)]
     set: Vec<(String, String)>,
 }

@@ -268,7 +268,7 @@ fn words(status: &Status, holder: Option<&Holder>, folders: &FolderPaths) -> Str
     text.extend(status.troubles.iter().map(|trouble| format!("problem: {}\n", on_one_line(trouble))));
     let done = &status.done;
     text += &format!(
-        "since {}: {} delivered, {} rejected, {} learned; in the last hour {} delivered, {} rejected\n",
+        "since {}: {} delivered, {} rejected, {} fitted; in the last hour {} delivered, {} rejected\n",
         status.since,
         done.delivered,
         done.rejected,

@@ -117,7 +117,7 @@ fn failure(error: &StationError) -> Failure {
 
 fn words(tally: &Tally) -> String {
     let mut text = format!(
-        "{} delivered, {} {} learned, {} rejected, {} waiting, {} incomplete\n",
+        "{} delivered, {} {} fitted, {} rejected, {} waiting, {} incomplete\n",
         tally.delivered,
         tally.learned,
         if tally.learned == 1 { "part" } else { "parts" },
@@ -127,6 +127,9 @@ fn words(tally: &Tally) -> String {
     );
     if tally.uncertain > 0 {
         text += &format!("{} uncertain (may or may not be delivered)\n", tally.uncertain);
+    }
+    if tally.unchanged > 0 {
+        text += &format!("{} already delivered and unchanged in import\n", tally.unchanged);
     }
     if tally.repeated > 0 {
         text += &format!("{} delivered before, not delivered again\n", tally.repeated);

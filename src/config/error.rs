@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::overrides::{JOB_TABLES, STATION_TABLES};
 use super::suggest::{listed, nearest};
 use crate::reason::{Place, Reason};
 
@@ -188,7 +189,13 @@ impl ConfigError {
     }
 
     fn what(&self) -> String {
+        if let Some((what, _)) = self.misplaced_table().or_else(|| self.quoted_value()) {
+            return what;
+        }
         match self {
+            Self::Unreadable { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
+                format!("There is no file {}.", file.display())
+            }
             Self::Unreadable { source, .. } => format!("The settings cannot be read: {source}."),
             Self::BeingSaved { .. } => "The settings may still be written.".into(),
             Self::Syntax { message, .. } if self.is_option() => {
@@ -199,6 +206,7 @@ impl ConfigError {
                 format!("`{key}` is a table, not a setting.")
             }
             Self::UnknownKey { key, .. } if self.is_option() => format!("There is no setting `{key}`."),
+            Self::UnknownKey { key, .. } if self.is_table() => format!("There is no table `[{key}]` here."),
             Self::UnknownKey { key, .. } => format!("There is no key `{key}` here."),
             Self::UnknownChoice { given, .. } => format!("`{given}` is not one of the choices."),
             Self::Missing { key, .. } => format!("The key `{key}` is missing."),
@@ -208,9 +216,15 @@ impl ConfigError {
     }
 
     fn remedy(&self) -> String {
+        if let Some((_, remedy)) = self.misplaced_table().or_else(|| self.quoted_value()) {
+            return remedy;
+        }
         match self {
             Self::Unreadable { file, .. } if file.is_dir() => {
                 format!("Name the file in that folder, such as {}.", file.join("station.toml").display())
+            }
+            Self::Unreadable { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                "Check its name and its folder.".into()
             }
             Self::BeingSaved { .. } => "Wait: isomark reads them again in a moment.".into(),
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
@@ -234,6 +248,19 @@ impl ConfigError {
                 let tables: Vec<String> = tables.iter().map(|table| format!("[{table}]")).collect();
                 format!("Move `{key}` into {}.", tables.join(" or "))
             }
+            Self::UnknownKey { key, allowed, .. } if self.is_table() => {
+                let tables: Vec<String> = allowed.iter().map(|table| format!("[{table}]")).collect();
+                match nearest(key, allowed) {
+                    Some(name) => format!("Did you mean `[{name}]`? Known: {}.", listed(&tables)),
+                    None => format!("Use one of: {}.", listed(&tables)),
+                }
+            }
+            Self::UnknownKey { key, allowed, .. } if self.is_option() && !key.contains('.') => {
+                match nearest_setting(key, allowed) {
+                    Some(name) => format!("Give table.key=value. Did you mean `{name}`?"),
+                    None => "Give table.key=value; watch-config/ lists the tables and their keys.".into(),
+                }
+            }
             Self::UnknownKey { key: given, allowed, .. } | Self::UnknownChoice { given, allowed, .. } => {
                 match nearest_setting(given, allowed) {
                     Some(name) => format!("Did you mean `{name}`? Known: {}.", listed(allowed)),
@@ -251,6 +278,50 @@ impl ConfigError {
     }
 }
 
+impl ConfigError {
+    /// Whether an unknown key is a table.
+    fn is_table(&self) -> bool {
+        let Self::UnknownKey { spot: Spot::File { excerpt, .. }, tables, .. } = self else { return false };
+        tables.is_empty() && excerpt.line.trim_start().starts_with('[')
+    }
+
+    /// What to say of a table that exists, but not in this file.
+    fn misplaced_table(&self) -> Option<(String, String)> {
+        let Self::UnknownKey { spot: Spot::File { file, .. }, key, .. } = self else { return None };
+        let exists = JOB_TABLES.iter().chain(STATION_TABLES).any(|table| table == key);
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+        let home = match stem.split_once('@') {
+            _ if !JOB_TABLES.contains(&key.as_str()) => "the station's file".to_owned(),
+            Some((sku, _)) if !sku.is_empty() => format!("`skus/{sku}.toml`"),
+            _ => "the file of the SKU".to_owned(),
+        };
+        let remedy = "Move the table there, or remove it.".to_owned();
+        (exists && self.is_table()).then(|| (format!("The table `[{key}]` belongs in {home}."), remedy))
+    }
+
+    /// What to say of a value in quotes whose key needs one without.
+    fn quoted_value(&self) -> Option<(String, String)> {
+        let Self::Syntax { spot: Spot::File { excerpt, .. }, message, .. } = self else { return None };
+        let (key, value) = excerpt.line.split_once('=')?;
+        let inner = value.trim_start().strip_prefix(['"', '\''])?.split(['"', '\'']).next()?.trim();
+        let needed = match () {
+            () if message.ends_with("expected a number") && inner.parse::<f64>().is_ok() => "a number",
+            () if message.ends_with("expected a whole number") && inner.parse::<u64>().is_ok() => {
+                "a whole number"
+            }
+            () if message.ends_with("expected true or false") && ["true", "false"].contains(&inner) => {
+                "true or false"
+            }
+            () => return None,
+        };
+        let key = key.trim();
+        Some((
+            format!("`{key}` needs {needed}, not text."),
+            format!("Write `{key} = {inner}` without quotes."),
+        ))
+    }
+}
+
 impl std::fmt::Display for ConfigError {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Reason { what, remedy, .. } = self.reason();
@@ -258,14 +329,21 @@ impl std::fmt::Display for ConfigError {
     }
 }
 
-/// The name nearest to `given`. The table that all names begin with does not make a key similar to another.
+/// The name nearest to `given`, or else the first one whose key begins with it. The table that all names begin with does not make
+/// a key similar to another; without a table, only the keys are compared.
 fn nearest_setting(given: &str, names: &[String]) -> Option<String> {
-    let table = given.find('.').map_or("", |dot| &given[..=dot]);
-    let keys: Option<Vec<&str>> = names.iter().map(|name| name.strip_prefix(table)).collect();
-    match keys {
-        Some(keys) => nearest(&given[table.len()..], &keys).map(|key| format!("{table}{key}")),
-        None => nearest(given, names).map(str::to_owned),
-    }
+    let (table, key) = given.split_once('.').map_or(("", given), |(table, key)| (table, key));
+    let key_of = |name: &'_ String| -> Option<String> {
+        match name.split_once('.') {
+            Some((other, key)) => (table.is_empty() || table == other).then(|| key.to_owned()),
+            None => table.is_empty().then(|| name.clone()),
+        }
+    };
+    let keys: Option<Vec<String>> = names.iter().map(key_of).collect();
+    let Some(keys) = keys else { return nearest(given, names).map(str::to_owned) };
+    let begins = || keys.iter().find(|known| key.len() >= 3 && known.starts_with(key)).map(String::as_str);
+    let found = nearest(key, &keys).or_else(begins)?;
+    names.iter().zip(&keys).find(|(_, known)| *known == found).map(|(name, _)| name.clone())
 }
 
 /// A message about a settings file as one about an option, which needs neither quotes nor the brackets of lists:

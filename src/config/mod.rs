@@ -27,6 +27,8 @@ mod station;
 mod released;
 mod lens_table;
 mod edit;
+#[cfg(feature = "station")]
+mod changes;
 mod keys;
 mod live;
 mod overrides;
@@ -35,6 +37,8 @@ mod typed;
 mod error;
 mod suggest;
 
+#[cfg(feature = "station")]
+pub(crate) use changes::changed_settings;
 pub use choices::{
     Aim, Align, Backend, BadRows, Converter, DeliveryKind, DxfVersion, FieldOrigin, FloaterWeights,
     FocusSteps, LocalSettings, Losses, Method, Outdated, OutsideMark, PartShape, Repeat, Slip, Smoothing,

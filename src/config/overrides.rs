@@ -3,7 +3,7 @@
 use toml::Value;
 
 /// The tables that a SKU's file may hold; all others are the station's.
-const JOB_TABLES: &[&str] = &[
+pub(super) const JOB_TABLES: &[&str] = &[
     "part",
     "pattern",
     "placement",
@@ -14,6 +14,22 @@ const JOB_TABLES: &[&str] = &[
     "focus",
     "content",
     "serial",
+];
+
+/// The other tables of a station's file.
+pub(super) const STATION_TABLES: &[&str] = &[
+    "station",
+    "folders",
+    "field",
+    "optics",
+    "output",
+    "watch",
+    "delivery",
+    "retention",
+    "log",
+    "page",
+    "fleet",
+    "route",
 ];
 
 /// Settings that the command line gives, as `table.key=value` or by options of their own.

@@ -28,6 +28,23 @@ pub struct PageSettings {
 impl PageSettings {
     /// The address if none is given.
     pub const ADDRESS: &'static str = "127.0.0.1:4780";
+
+    /// Where browsers find the page, for people.
+    #[must_use]
+    pub fn shown_address(&self) -> String {
+        let port = self.address.port();
+        if !self.address.ip().is_unspecified() {
+            return format!("http://{}/", self.address);
+        }
+        // Under a name that is not among these, the page refuses requests.
+        match self.names.first() {
+            Some(name) if name.port.is_some() => format!("http://{name}/"),
+            Some(name) => format!("http://{name}:{port}/"),
+            None => format!(
+                "http://localhost:{port}/ on this computer, and at port {port} of its other addresses"
+            ),
+        }
+    }
 }
 
 /// Where a password is. The password itself is never part of the settings, which are logged.

@@ -68,6 +68,25 @@ fn a_sku_overrides_key_by_key() {
     assert_eq!(settings.pattern.picture, picture, "one side for a SKU keeps the picture's shape");
     let error = station.settings.overridden_by(file, "[folders]\nhot = \"x\"").unwrap_err();
     assert!(matches!(error, ConfigError::UnknownKey { .. }), "{error}");
+    assert!(error.to_string().contains("The table `[folders]` belongs in the station's file."), "{error}");
+}
+
+#[test]
+fn the_tables_of_the_station_and_of_skus_are_all_tables() {
+    let mut known: Vec<&str> =
+        overrides::JOB_TABLES.iter().chain(overrides::STATION_TABLES).copied().collect();
+    let mut all = station::keys_of(None);
+    known.sort_unstable();
+    all.sort_unstable();
+    assert_eq!(known, all);
+}
+
+#[test]
+fn a_table_of_a_sku_beside_a_drawing_is_refused_with_its_file() {
+    let station = with("").unwrap();
+    let beside = Path::new("hot/can@logo.toml");
+    let error = station.settings.with_sidecar(beside, "[part]\nfacing = \"+x\"").unwrap_err().to_string();
+    assert!(error.contains("The table `[part]` belongs in `skus/can.toml`. Move the table there"), "{error}");
 }
 
 /// The text after [`NEEDED`] (whose last line is 9), the error, and its place.
@@ -87,7 +106,7 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
         11,
         11,
     ),
-    ("[optic]\nkind = 1", "There is no key `optic` here. Did you mean `optics`?", 10, 2),
+    ("[optic]\nkind = 1", "There is no table `[optic]` here. Did you mean `[optics]`?", 10, 2),
     (
         "[correction]\nmethod = \"isometrc\"",
         "`isometrc` is not one of the choices. Did you mean `isometric`?",
@@ -107,7 +126,19 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
         16,
     ),
     ("[correction]\ntolerance_mm = nan", "cannot be NaN mm", 11, 16),
-    ("[correction]\ntolerance_mm = \"5\"", "expected a number", 11, 16),
+    (
+        "[correction]\ntolerance_mm = \"0.5\"",
+        "`tolerance_mm` needs a number, not text. Write `tolerance_mm = 0.5` without quotes.",
+        11,
+        16,
+    ),
+    ("[correction]\ntolerance_mm = \"much\"", "expected a number", 11, 16),
+    (
+        "[output]\ncomments = 'false'",
+        "`comments` needs true or false, not text. Write `comments = false` without quotes.",
+        11,
+        12,
+    ),
     ("[part]\n  facing = \"up\"", "names no side", 11, 12),
     ("[part]\nfacing = [0, 0, 0]", "names no side", 11, 10),
     ("[part]\nfacing = 3", "expected a name in quotes or a list", 11, 10),
@@ -759,7 +790,9 @@ fn a_setting_of_the_command_line_is_refused_as_in_a_file_with_the_option_as_its_
             "no setting `correction.tolernace_mm`. Did you mean `correction.tolerance_mm`?",
         ),
         ("corection.tolerance_mm", "1", "Did you mean `correction.tolerance_mm`?"),
-        ("tolerance_mm", "1", "Did you mean `correction.tolerance_mm`?"),
+        ("tolerance_mm", "1", "Give table.key=value. Did you mean `correction.tolerance_mm`?"),
+        ("tolerance", "1", "Give table.key=value. Did you mean `correction.tolerance_mm`?"),
+        ("correction.tol", "1", "Did you mean `correction.tolerance_mm`?"),
         ("wacht.on", "1", "no setting `wacht.on`. Use one of: `station`, `folders`"),
         ("part.unit", "inches", "Did you mean `inch`?"),
         ("part.unit", "5", "`5` is not one of the choices. Use one of: `mm`"),

@@ -92,6 +92,7 @@ fn known<'a>(option: &str, name: &'a str) -> Result<(&'a str, &'a str), ConfigEr
     let allowed = match (in_table.is_empty(), with_key.is_empty()) {
         (false, _) => in_table.into_iter().cloned().collect(),
         (true, false) => with_key.into_iter().cloned().collect(),
+        (true, true) if table.is_empty() => names.to_vec(),
         (true, true) => keys_of(None),
     };
     let spot = Spot::Option(option.into());

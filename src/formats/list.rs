@@ -74,6 +74,7 @@ pub struct Products {
 pub struct List<'b> {
     reader: csv::Reader<&'b [u8]>,
     columns: Vec<String>,
+    separator: u8,
     record: ByteRecord,
     number: u64,
     bytes: &'b [u8],
@@ -98,8 +99,9 @@ impl<'b> List<'b> {
         let first = bytes.split(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
         let count = |separator: u8| first.iter().filter(|byte| **byte == separator).count();
         let separator = [b',', b';', b'\t'].into_iter().rev().max_by_key(|separator| count(*separator));
+        let separator = separator.unwrap_or(b',');
         let mut reader = ReaderBuilder::new()
-            .delimiter(separator.unwrap_or(b','))
+            .delimiter(separator)
             .trim(Trim::All)
             .flexible(true)
             .has_headers(false)
@@ -109,6 +111,9 @@ impl<'b> List<'b> {
             reader.read_byte_record(&mut record).map_err(|error| wrong(error.to_string(), None))?;
         if !is_there {
             return Err(wrong("the list is empty".into(), None));
+        }
+        if ends_in_quotes(bytes, &reader, &record, separator) {
+            return Err(wrong(OPEN_QUOTE.into(), None));
         }
         if record.len() > MOST_COLUMNS {
             return Err(wrong(format!("the list has more than {MOST_COLUMNS} columns"), None));
@@ -125,7 +130,7 @@ impl<'b> List<'b> {
             }
             columns.push(name);
         }
-        Ok(Self { reader, columns, record, number: 0, bytes, counted: (0, 1) })
+        Ok(Self { reader, columns, separator, record, number: 0, bytes, counted: (0, 1) })
     }
 
     /// The names of the columns.
@@ -150,7 +155,8 @@ impl Iterator for List<'_> {
                     return Some(Err(error));
                 }
             }
-            if self.record.iter().all(<[u8]>::is_empty) {
+            let is_open = ends_in_quotes(self.bytes, &self.reader, &self.record, self.separator);
+            if !is_open && self.record.iter().all(<[u8]>::is_empty) {
                 continue;
             }
             self.number += 1;
@@ -163,7 +169,13 @@ impl Iterator for List<'_> {
                 }));
             }
             let line = self.line();
-            return Some(self.row(line));
+            let row = self.row(line);
+            if is_open && row.is_ok() {
+                let column =
+                    self.record.len().checked_sub(1).and_then(|last| self.columns.get(last)).cloned();
+                return Some(Err(ListError { what: OPEN_QUOTE.into(), line: Some(line), column }));
+            }
+            return Some(row);
         }
     }
 }
@@ -216,6 +228,30 @@ impl List<'_> {
     }
 }
 
+/// What is wrong with the last value of a file that ends in quotes.
+const OPEN_QUOTE: &str = "the quote of the last value is not closed";
+
+/// Whether the record is the last one and the file ends within its quotes, which the crate accepts. Its rules are those of
+/// the crate: a quote opens only at the beginning of a value, and two in a row are one within quotes.
+fn ends_in_quotes(bytes: &[u8], reader: &csv::Reader<&[u8]>, record: &ByteRecord, separator: u8) -> bool {
+    let end = reader.position().byte() as usize;
+    let Some(start) = record.position().map(|position| position.byte() as usize) else { return false };
+    if end < bytes.len() || !bytes[start..].contains(&b'"') {
+        return false;
+    }
+    let (mut is_quoted, mut begins) = (false, true);
+    let mut rest = bytes[start..].iter().peekable();
+    while let Some(byte) = rest.next() {
+        match byte {
+            b'"' if is_quoted => is_quoted = rest.next_if(|next| **next == b'"').is_some(),
+            b'"' if begins => is_quoted = true,
+            _ => {}
+        }
+        begins = !is_quoted && (*byte == separator || matches!(byte, b'\n' | b'\r'));
+    }
+    is_quoted
+}
+
 /// A value as text.
 fn text(bytes: &[u8]) -> Result<String, String> {
     if bytes.len() > LONGEST {
@@ -236,6 +272,25 @@ mod tests {
 
     fn rows(text: &[u8]) -> Vec<Result<Row, ListError>> {
         List::new(text).unwrap().collect()
+    }
+
+    #[test]
+    fn a_quote_that_is_not_closed_at_the_end_of_the_list_is_an_error() {
+        for text in ["LOT\n\"A\n", "LOT\n\"A", "Name;LOT\nx;y\nz;\"A\"\"\n", "LOT\r\n\"\r\n"] {
+            let found = rows(text.as_bytes()).pop().unwrap().unwrap_err();
+            assert_eq!((found.what.as_str(), found.column.as_deref()), (OPEN_QUOTE, Some("LOT")), "{text:?}");
+        }
+        assert_eq!(List::new(b"\"LOT\n").unwrap_err().what, OPEN_QUOTE);
+        for text in [
+            "LOT\n\"A\"\n",
+            "LOT\n\"A\"",
+            "LOT\n5\"\n",
+            "LOT\n\"A\"\"\"\n\n",
+            "LOT\n \"A\n",
+            "LOT\n\"A\"b\"\n",
+        ] {
+            assert!(rows(text.as_bytes()).iter().all(Result::is_ok), "{text:?}");
+        }
     }
 
     #[test]

@@ -240,6 +240,8 @@ pub struct Tally {
     pub delivered: u64,
     /// Number of parts fitted.
     pub learned: u64,
+    /// Number of drawings that were delivered before and are unchanged in the import folder.
+    pub unchanged: u64,
     /// Number of drawings that were already delivered, and were not delivered again.
     pub repeated: u64,
     /// Number of drops moved to the rejected folder.

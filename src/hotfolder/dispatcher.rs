@@ -24,9 +24,8 @@ use std::time::{Duration, Instant};
 
 use crate::config::{
     ConfigError, FleetSettings, FolderPaths, JobSettings, LiveSettings, LogSettings, PageSettings,
-    SettingsEvent, Sku,
+    SettingsEvent, Sku, changed_settings,
 };
-use crate::diff;
 use crate::hotfolder::api::{Corrector, Mode, Pulse, Tally};
 use crate::hotfolder::error::{StationError, guarded};
 use crate::hotfolder::fleet::Fleet;
@@ -37,6 +36,7 @@ use crate::hotfolder::state::status::LISTED;
 use crate::hotfolder::state::{
     Delivered, HotLock, Journal, Request, Shares, StationLock, StatusBoard, UncertainDrawing, requests,
 };
+use crate::printable::on_one_line;
 use crate::reason::Reason;
 
 use claims::Arrivals;
@@ -170,9 +170,14 @@ pub fn run(
         dispatcher.write_status(false);
         let parked = executor.parking.count();
         if mode == Mode::Once && parked > 0 {
-            let files = if parked == 1 { "processed file" } else { "processed files" };
+            let (files, them) = match parked {
+                1 => ("processed file is", "it"),
+                _ => ("processed files are", "them"),
+            };
+            let place = executor.parking.folder().map(|folder| format!(" in {}", folder.display()));
             tracing::info!(
-                "keeping {parked} {files} until the next start, in case a program is still writing to them; nothing to do"
+                "{parked} {files} kept{} until the next start, in case a program still writes to {them}. No action is needed",
+                place.unwrap_or_default()
             );
         }
         // Dropping the rest of the dispatcher closes the channels, so the threads end.
@@ -390,7 +395,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
                     self.settings_changes += 1;
                     // They may name another folder.
                     self.rounds.missing = None;
-                    tracing::info!("using the changed station settings: {}", changes(&old, &new));
+                    tracing::info!(
+                        "using the changed station settings: {}",
+                        on_one_line(&changed_settings(&old, &new))
+                    );
                     if let Err((purpose, _, error)) = filing::prepare(self.folders()) {
                         tracing::warn!("the {purpose} folder cannot be created: {error}");
                     }
@@ -421,7 +429,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 }
                 SettingsEvent::SkuChanged { sku, old, new } => {
                     self.settings_changes += 1;
-                    tracing::info!("using the changed settings of {sku}: {}", changes(&old, &new));
+                    tracing::info!(
+                        "using the changed settings of SKU `{sku}`: {}",
+                        on_one_line(&changed_settings(&old, &new))
+                    );
                     self.drops.release(&sku);
                     self.reprocessing.check(sku);
                 }
@@ -431,12 +442,15 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 SettingsEvent::Broken { error, old_stay: false } => {
                     let sku = error.file().and_then(Path::file_stem).unwrap_or_default().to_string_lossy();
                     tracing::error!(
-                        "{error} Until this file is corrected or removed, the drawings of {sku} wait."
+                        "{error} Until this file is corrected or removed, the drawings of SKU `{sku}` wait."
                     );
                 }
                 SettingsEvent::Mended(file) => tracing::info!("{} is valid again", file.display()),
                 SettingsEvent::BrokenRemoved { sku, file } => {
-                    tracing::info!("{} was removed; using the station's settings for {sku}", file.display());
+                    tracing::info!(
+                        "{} was removed; using the station's settings for SKU `{sku}`",
+                        file.display()
+                    );
                 }
             }
         }
@@ -579,30 +593,5 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             None => None,
         }
-    }
-}
-
-/// The changed lines of a settings file, as one line for the log. Comments of whole lines are left out.
-fn changes(old: &str, new: &str) -> String {
-    let [old, new] = [old, new].map(|text| {
-        let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
-        lines.collect::<Vec<_>>().join("\n")
-    });
-    match diff::text_changes(&old, &new) {
-        lines if lines.is_empty() => "only comments changed".into(),
-        lines => lines.join("; "),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn changed_settings_are_logged_on_one_line() {
-        let (old, new) = ("[beam]\na = 1\nb = 2\n", "[beam]\na = 1\nb = 3\nc = 4\n");
-        assert_eq!(changes(old, new), "- b = 2; + b = 3; + c = 4");
-        assert_eq!(changes("a = 1\n# b\n", "# a\na = 2\n"), "- a = 1; + a = 2");
-        assert_eq!(changes("a = 1\n# b\n", "# a\na = 1\n"), "only comments changed");
     }
 }

@@ -45,7 +45,7 @@
 //!
 //! | a job ends with | and its drop |
 //! |---|---|
-//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::HandedOver`, `Outcome::Rejected` | is done |
+//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Unchanged`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::HandedOver`, `Outcome::Rejected` | is done |
 //! | `Outcome::Changed` | is checked again as a new file |
 //! | `Outcome::Incomplete` | is `Block::Free` and settles again |
 //! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large jobs |
@@ -142,6 +142,8 @@ pub use dispatcher::run;
 pub use error::StationError;
 pub use fleet::{Figures, Fleet, FleetSeen, StationRow, StationState, WorkerRow};
 pub use jobs::rejected::{AS_ITS_USER, count_rejected, is_rejected, return_rejected};
+#[cfg(feature = "cli")]
+pub(crate) use page::page_trouble;
 pub use pipeline_corrector::PipelineCorrector;
 #[cfg(feature = "cli")]
 pub(crate) use seen::folders::is_still_at;

@@ -2,8 +2,18 @@
 
 use std::path::Path;
 
+#[cfg(feature = "cli")]
+use crate::config::PageSettings;
 use crate::config::{FolderPaths, Station};
 use crate::hotfolder::state::status::Status;
+#[cfg(feature = "cli")]
+use crate::reason::Reason;
+
+/// There is no page, so nothing prevents it.
+#[cfg(feature = "cli")]
+pub(crate) fn page_trouble(_: &PageSettings) -> Option<Reason> {
+    None
+}
 
 /// A page that cannot be shown.
 pub(crate) struct Page;

@@ -176,7 +176,7 @@ impl PipelineCorrector {
         let residual = &learned.kept.surface.residual;
         let surface = match &learned.kept.facts.scan {
             Some(scan) => scan.summary(),
-            None => format!("surface within {:.4} mm of 95 % of the part", residual.p95),
+            None => format!("residual at most {:.4} mm on 95 % of the part", residual.p95),
         };
         let summary = format!(
             "{}: {x:.1} x {y:.1} x {z:.1} mm, {surface}{}",
@@ -343,9 +343,9 @@ fn pattern_completeness(name: &str, bytes: &[u8]) -> Completeness {
     }
     let options = PatternOptions { pace: Pace::Quick, ..PatternOptions::default() };
     match pattern::read(bytes, &options) {
-        Err(error) if error.is_cut_short() => Completeness::CutShort(error.reason().in_file(name)),
+        Err(error) if error.is_cut_short() => Completeness::CutShort(error.reason_for(name)),
         // More bytes do not resolve other errors. An empty file may still be written.
-        Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason().in_file(name)),
+        Err(error) if bytes.is_empty() => Completeness::CutShort(error.reason_for(name)),
         _ => Completeness::Whole { companions: Vec::new() },
     }
 }

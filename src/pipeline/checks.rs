@@ -53,11 +53,14 @@ pub(super) fn part_not_needed(primitive: &Primitive) -> Reason {
     )
 }
 
+/// Steps between the last nodes on a part and its rim, at most; the steep side of a rim has no nodes.
+const RIM_STEPS: f64 = 4.0;
+
 /// Another part was learned after the one that is to be restored.
 pub(super) fn superseded(sku: &Sku, newer: &str) -> Reason {
     Reason::new(
         "newer-elsewhere",
-        format!("Another station has learned a newer part for {sku}: {newer}."),
+        format!("Another station has fitted a newer part for SKU `{sku}`: {newer}."),
         format!("Drop {newer} here too."),
     )
 }
@@ -413,13 +416,14 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
     let what = match (around.contains(at.coords()), is_inside) {
         (false, _) => "The drawing extends beyond the part.",
         (true, true) => {
-            "There is no surface to mark under the drawing: a hole, an edge, or a side steeper than 75 deg."
+            "There is no surface to mark under the drawing: a hole, an edge, or a side too steep to be measured (over 75 deg)."
         }
         (true, false) => {
-            "The drawing extends beyond the part, or there is no surface to mark under it: a hole, an edge, or a side steeper \
-             than 75 deg."
+            "The drawing extends beyond the part, or there is no surface to mark under it: a hole, an edge, or a side too \
+             steep to be measured (over 75 deg)."
         }
     };
+    let seen = seen_extents(part, &extents, field.step());
     let sides = |extents: &Extents| (extents.max - extents.min).max();
     let unit = &part.facts.unit;
     let remedy = match sides(drawn) > STRAY * sides(&extents) {
@@ -438,14 +442,41 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
         "off-surface",
         format!(
             "{what} As the laser sees it, the part spans x {} and y {} mm, the drawing x {} and y {} mm.",
-            span(&extents, 0),
-            span(&extents, 1),
+            span(&seen, 0),
+            span(&seen, 1),
             span(drawn, 0),
             span(drawn, 1)
         ),
         remedy,
     )
     .at(Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() })
+}
+
+/// The extents of the part as the laser sees it, from those of the `nodes` on it, which end a few steps before it does: those of
+/// the side that is seen, if they are known; otherwise symmetric, if they may be.
+fn seen_extents(part: &CachedSurface, nodes: &Extents, step: f64) -> Extents {
+    // How far the extents are beyond the nodes; negative where they end before.
+    let beyond = |seen: &Extents| {
+        let sides = [nodes.min - seen.min, seen.max - nodes.max];
+        (sides[0].min().min(sides[1].min()), sides[0].max().max(sides[1].max()))
+    };
+    let sides = part.facts.sides.iter().map(|side| {
+        let [left, bottom, right, top] = side.extents_mm;
+        Extents { min: Vector2::new(left, bottom), max: Vector2::new(right, top) }
+    });
+    let near = sides.map(|seen| (seen, beyond(&seen)));
+    let near = near.filter(|(_, (least, most))| *least > -step * 1e-6 && *most < RIM_STEPS * step);
+    if let Some((seen, _)) = near.min_by(|(_, (_, a)), (_, (_, b))| a.total_cmp(b)) {
+        return seen;
+    }
+    let mut seen = *nodes;
+    for axis in 0..2 {
+        let reach = nodes.min[axis].abs().max(nodes.max[axis].abs());
+        if reach + nodes.min[axis] < step && reach - nodes.max[axis] < step {
+            (seen.min[axis], seen.max[axis]) = (-reach, reach);
+        }
+    }
+    seen
 }
 
 /// The reason with a place for the drawing first, where it misses the part because it was drawn elsewhere, as from the corner
@@ -483,8 +514,8 @@ pub(super) fn suggesting_place(
     };
     let [x, y] = [place.x + 0.0, place.y + 0.0];
     let remedy = format!(
-        "Put the middle of the drawing on the part with `--place {x},{y}` (`place_mm = [{x}, {y}]` under [placement]): {why}. {}",
-        reason.remedy
+        "Put the middle of the drawing on the part with `--place {x},{y}` (`place_mm = [{x}, {y}]` under [placement]): {why}. If it \
+         belongs elsewhere, move it or check `facing`."
     );
     Reason { remedy, ..reason }
 }

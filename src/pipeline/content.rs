@@ -1,7 +1,7 @@
 //! Content that differs from product to product: checks the fields of a drawing, draws codes into their placeholders, and
 //! measures them on the part.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use nalgebra::{Matrix2, Point3, Vector2};
@@ -40,23 +40,58 @@ pub(super) struct PlacedCode {
 ///
 /// # Errors
 /// The first such field, with its text, layer and handle.
-pub(super) fn check_fields(facts: &PatternFacts) -> Result<(), Reason> {
+pub(super) fn check_fields(facts: &PatternFacts, drawing: &str) -> Result<(), Reason> {
     match facts.fields.iter().find(|field| field.value.is_none()) {
-        Some(field) => Err(without_value(field)),
+        Some(field) => Err(without_value(field, drawing)),
         None => Ok(()),
     }
 }
 
-fn without_value(FieldUse { field, why, entity, handle, layer, .. }: &FieldUse) -> Reason {
+/// Where the values of fields come from.
+#[derive(Debug, Clone, Copy)]
+enum Values<'a> {
+    /// From a row of the list with this name.
+    Row(&'a str, &'a BTreeMap<String, String>),
+    /// From settings or options, for the drawing with this name.
+    Drawing(&'a str),
+    /// From settings or options, for a code.
+    Code,
+}
+
+fn without_value(FieldUse { field, why, entity, handle, layer, .. }: &FieldUse, drawing: &str) -> Reason {
     let item = handle.as_ref().map_or_else(|| entity.clone(), |handle| format!("{entity} {handle}"));
-    no_value(field, why.as_deref()).at(Place {
+    no_value(field, why.as_deref(), Values::Drawing(drawing)).at(Place {
         item: Some(item),
         layer: Some(layer.clone()),
         ..Place::default()
     })
 }
 
-fn no_value(field: &str, why: Option<&str>) -> Reason {
+/// What to do about a column without a value.
+fn remedy_for_column(column: &str, values: Values<'_>) -> String {
+    let list = match values {
+        Values::Row(list, row) if row.contains_key(column) => {
+            return format!("Give a value for the column `{column}` in this row of {list}");
+        }
+        Values::Row(list, row) => {
+            let instead = row.keys().next().map(|name| format!(", or change the field to `{{csv:{name}}}`"));
+            return format!("Name a column of {list} `{column}`{}", instead.unwrap_or_default());
+        }
+        Values::Drawing(name) => {
+            name.rsplit_once('.').map(|(stem, _)| stem).filter(|stem| stem.contains('@'))
+        }
+        Values::Code => None,
+    };
+    let list = match list {
+        Some(stem) => format!("drop {stem}.csv with a column `{column}` before the drawing"),
+        None => format!(
+            "drop a list with a column `{column}` before the drawing, such as can@label.csv for can@label.dxf"
+        ),
+    };
+    format!("In a station, {list}; on the command line, give `--content \"csv.{column}=VALUE\"`")
+}
+
+fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
     let name = field.trim_matches(['{', '}']);
     let remedy = match name.split(':').next().unwrap_or_default() {
         "serial" => {
@@ -69,18 +104,20 @@ fn no_value(field: &str, why: Option<&str>) -> Reason {
                 .to_owned()
         }
         "csv" => {
-            let column = name.split_once(':').map_or("COLUMN", |(_, column)| column);
-            format!(
-                "Give it with `isomark correct --content \"csv.{column}=VALUE\"`, or in this column of the list; in a station, drop the list \
-                 before the drawing"
-            )
+            remedy_for_column(name.split_once(':').map_or("COLUMN", |(_, column)| column), values)
         }
         _ => "Write the field without a format".to_owned(),
+    };
+    let remedy = match values {
+        Values::Row(..) => remedy,
+        Values::Drawing(_) | Values::Code => {
+            format!("{remedy}. To mark the text itself, write `{{{field}}}`")
+        }
     };
     Reason::new(
         "content-missing",
         format!("The field `{}` has no value: {}.", short(field), short(why.unwrap_or("none is given"))),
-        format!("{remedy}; doubled braces, `{{{field}}}`, mark its text."),
+        remedy,
     )
 }
 
@@ -91,7 +128,8 @@ fn short(text: &str) -> String {
     }
 }
 
-/// Checks the values of one product for these fields and for the codes of the settings, without a drawing.
+/// Checks the values of one product, from a row of `list`, for these fields and for the codes of the settings, without a
+/// drawing.
 ///
 /// # Errors
 /// The first field without a value, or the first code that cannot be encoded.
@@ -100,25 +138,27 @@ pub fn check_values<'f>(
     places: &BTreeSet<(String, Option<Arc<str>>)>,
     settings: &ContentSettings,
     values: &Content,
+    list: &str,
 ) -> Result<(), Reason> {
+    let row = Values::Row(list, &values.row);
     for field in fields {
-        filled(field, values).map_err(|field| refused_field(&field))?;
+        filled(field, values).map_err(|field| refused_field(&field, row))?;
     }
     let is_drawn = |code: &&CodeSettings| {
         places.iter().any(|(layer, block)| code.placeholder.is_at(layer, block.as_deref()))
     };
     for code in settings.codes.iter().filter(is_drawn) {
-        encoded(code, values)?;
+        encoded(code, values, row)?;
     }
     Ok(())
 }
 
-fn refused_field(field: &FoundField) -> Reason {
-    no_value(&field.field, field.value.as_ref().err().map(String::as_str))
+fn refused_field(field: &FoundField, values: Values<'_>) -> Reason {
+    no_value(&field.field, field.value.as_ref().err().map(String::as_str), values)
 }
 
 /// The content and the modules of a code.
-fn encoded(settings: &CodeSettings, values: &Content) -> Result<(String, Modules), Reason> {
+fn encoded(settings: &CodeSettings, values: &Content, from: Values<'_>) -> Result<(String, Modules), Reason> {
     let at = || Place {
         item: Some("content.codes".into()),
         layer: match &settings.placeholder {
@@ -127,7 +167,7 @@ fn encoded(settings: &CodeSettings, values: &Content) -> Result<(String, Modules
         },
         ..Place::default()
     };
-    let content = filled(&settings.content, values).map_err(|field| refused_field(&field).at(at()))?;
+    let content = filled(&settings.content, values).map_err(|field| refused_field(&field, from).at(at()))?;
     let modules = code::encode(settings.kind, &content, settings.is_rectangular).map_err(|error| {
         Reason::new(
             "code-content",
@@ -197,7 +237,7 @@ pub(super) fn draw_codes(
             notices.push(Notice::warning("code-layer-missing", message));
             continue;
         }
-        let (content, modules) = encoded(code, &settings.values)?;
+        let (content, modules) = encoded(code, &settings.values, Values::Code)?;
         let mut paths = Vec::with_capacity(pattern.paths.len());
         for path in &pattern.paths {
             if !is_of_code(path) {

@@ -69,7 +69,7 @@ impl<'a> ListJob<'a> {
         };
         let content = &settings.content;
         let values = content.values_of(self.sku.as_str());
-        check_values(fields.iter().map(String::as_str), places, content, &values)
+        check_values(fields.iter().map(String::as_str), places, content, &values, self.file)
             .map_err(|reason| self.refused(row, reason))
     }
 

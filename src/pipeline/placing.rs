@@ -103,9 +103,9 @@ impl Pipeline {
         let PatternReading { mut pattern, facts } =
             pattern::read(input.bytes, &options).map_err(|error| match error {
                 PatternReadError::TakesLong => PipelineError::TakesLong,
-                error => rejected(error.reason()),
+                error => error.reason_for(input.name).into(),
             })?;
-        content::check_fields(&facts).map_err(rejected)?;
+        content::check_fields(&facts, input.name).map_err(rejected)?;
         let center = |pattern: &Pattern| pattern.extents().center().into();
         let anchor = match settings.placement.anchor {
             // Other values have other widths. What is the same on all products must have the same place.

@@ -129,7 +129,7 @@ const CODES: &[Code] = &[
     ]),
     both([
         "cache-damaged",
-        "A stored surface is damaged and is not used.",
+        "A fitted surface in the cache is damaged and is not used.",
         "Every entry of the cache has a checksum, and this one does not match: the disk failed, or something else \
          changed the file. No drawing is made from it. As a notice, the part was fitted again. As a reason, \
          `correct --sku` had no part to fit, or `cache verify` found the entry.",
@@ -138,7 +138,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "cache-unusable",
-        "The folder of stored surfaces cannot be read or written.",
+        "The folder of fitted surfaces cannot be read or written.",
         "The cache's disk is full, its share is not connected, or its permissions changed. The drop waits and \
          isomark tries again.",
         "Check that `folders.cache` exists, can be written by the user that runs the station, and has free space.",
@@ -320,7 +320,7 @@ const CODES: &[Code] = &[
         "The process ended several times during this job without a message. The usual cause is a lack of memory: \
          the system ends the process. The file was rejected to keep the station running.",
         "Export the file with fewer triangles or lines, or give the computer more memory. If the file is small, \
-         it is a defect of isomark: keep the file and report it.",
+         it is a defect in isomark: keep the file and report it.",
     ]),
     notice([
         "ends-not-joined",
@@ -474,9 +474,9 @@ const CODES: &[Code] = &[
     notice([
         "fills-outlined",
         "Filled areas are written as outlines.",
-        "HATCH and SOLID entities become closed contours. The corrected drawing contains no hatch lines, because \
-         hatching belongs to the marking software.",
-        "Assign a hatch to the closed contours in the marking software if the areas are to be filled.",
+        "HATCH and SOLID entities become closed contours. The corrected drawing contains no lines that fill them, because \
+         `spacing_mm` under [fill] is not set.",
+        "To fill them evenly on the part, set `spacing_mm` under [fill] (`--fill 0.05`). Otherwise hatch them in the marking software.",
     ]),
     notice([
         "finer-than-spot",
@@ -916,7 +916,7 @@ const CODES: &[Code] = &[
         "marked-twice",
         "Lines of the drawing are on other lines.",
         "The laser marks these stretches more than once, which makes them darker and deeper. Often a contour was copied, or the common side of two shapes is drawn with each of them. `overlap_mm` under [pattern] is the length above which this is reported.",
-        "Remove the copies in the drawing program.",
+        "Remove the copies in the drawing program, or join shapes that share an edge.",
     ]),
     both([
         "measurement-contradicts",
@@ -931,7 +931,7 @@ const CODES: &[Code] = &[
         "Measured coordinates are interchanged or have the wrong sign.",
         "On a plate that is only turned and shifted, x and y keep their order and their directions. The measured values are a mirror \
          image of the drawing.",
-        "Exchange the two columns, or count x to the right and y upwards.",
+        "Exchange the two columns, or measure x to the right and y upwards.",
     ]),
     reason([
         "measurements-unreadable",
@@ -1049,7 +1049,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "mesh-node-cycle",
-        "The nodes of the glTF file form a circle.",
+        "The nodes of the glTF file form a cycle.",
         "A node is its own descendant, or belongs to two parents. glTF forbids both, because the position of the \
          part would be ambiguous.",
         "Export the part again as `.glb`.",
@@ -1129,7 +1129,7 @@ const CODES: &[Code] = &[
         "mesh-wrong-format",
         "The content of the file does not match its extension.",
         "The file was probably renamed, or something else was saved under this name. The reason names the format that \
-         was found, or gives the first bytes.",
+         was found, or gives the first bytes, or states that the file is empty.",
         "Export the part as STEP, GLB, glTF, OBJ, STL, PLY or 3MF and keep the extension that the program writes.",
     ]),
     reason([
@@ -1172,7 +1172,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "newer-elsewhere",
-        "Another station has learned a newer part for this SKU.",
+        "Another station has fitted a newer part for this SKU.",
         "The stations share one cache of surfaces. This station was about to fit its own archived part again, but \
          the cache contains a newer part.",
         "Drop the newer part at this station, as well. The reason gives its name.",
@@ -1297,8 +1297,10 @@ const CODES: &[Code] = &[
     reason([
         "off-surface",
         "The drawing is not completely on the part.",
-        "Part of the drawing is beyond the part's outline, over a hole or an edge, or on a side that is too steep \
-         to mark. The reason gives the place and the extents of part and drawing as the laser sees them.",
+        "Part of the drawing is beyond the part's outline, over a hole or an edge, or on a side that is too steep to be \
+         measured: more than 75 deg between the beam and the surface normal. A side that can be measured but is steeper \
+         than `incidence_refuse_deg` under [optics] (60 deg by default) has the code `too-steep` instead. The reason gives the \
+         place and the extents of part and drawing as the laser sees them.",
         "Move the drawing (`place_mm`, `--place`), make it smaller, or check `facing`. If the sizes differ by a \
          large factor, check the units of part and drawing, and delete stray lines.",
     ]),
@@ -1307,7 +1309,7 @@ const CODES: &[Code] = &[
         "The ink spans more height than the focus depth.",
         "The highest and lowest point under the ink differ by more than `focus_depth_mm` under [optics]. Marks \
          are wider and paler at the ends of this range.",
-        "Set the focus to the height in the message to share the blur, or mark the drawing in several jobs.",
+        "Set the focus to the height in the message to spread the blur evenly, or mark the drawing in several jobs.",
     ]),
     reason([
         "outside-field",
@@ -1350,7 +1352,7 @@ const CODES: &[Code] = &[
         "page-password",
         "The password of the station's page cannot be read.",
         "`password_file` or `password_variable` under [page] names the place of the password. The file or variable is missing, \
-         empty, not readable for the user of the station, or has less than 8 characters. The page stays closed, the station \
+         empty, not readable for the user of the station, or has fewer than 8 characters. The page stays closed, the station \
          works without it, and isomark tries again every 5 s.",
         "Write a password of at least 8 characters on the first line of the file, readable only for the user that runs the \
          station.",
@@ -1411,7 +1413,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "pattern-not-dxf",
-        "The file is not a DXF file.",
+        "The file is not a drawing in the format that is expected.",
         "The reason states what the content looks like, for example DWG or PDF. A drawing is recognised by its \
          content, not by its name.",
         "Export the drawing as DXF (R12 to R2018, text or binary) or plain SVG, or save a picture as PNG or BMP.",
@@ -1491,7 +1493,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "picture-resolution",
-        "The size comes from a resolution that many programs write without being asked.",
+        "The size comes from a resolution that many programs write by default.",
         "72 or 96 pixels per inch are usual defaults of programs, so the size in mm may be accidental.",
         "Check the size in the report. Set `width_mm` under [pattern] (`--width`) if it is wrong.",
     ]),
@@ -1574,7 +1576,7 @@ const CODES: &[Code] = &[
         "A second, independent reader checks the written file before it is delivered. It found another vertex, \
          layer, colour or unit. Nothing was delivered.",
         "Check the disk, the network and the computer's memory, then try again. If the same drawing is refused \
-         again, it is a defect of isomark: keep the drawing and report it.",
+         again, it is a defect in isomark: keep the drawing and report it.",
     ]),
     notice([
         "rotary-as-layers",
@@ -1748,8 +1750,9 @@ const CODES: &[Code] = &[
     reason([
         "settings-contradiction",
         "A value is not possible here, or contradicts another setting.",
-        "The message names the setting and what is wrong with it.",
-        "Follow the remedy of the reason; the sample in `watch-config/station.toml` explains each key.",
+        "The value is not allowed for this key (for example a side that does not exist), or two settings exclude each other. The \
+         message names them.",
+        "Look up the key in `watch-config/station.toml`, which explains each key and the values that it allows.",
     ]),
     reason([
         "settings-missing-key",
@@ -1778,7 +1781,7 @@ const CODES: &[Code] = &[
     ]),
     reason([
         "settings-unknown-choice",
-        "A value in the settings is none of the choices.",
+        "A value in the settings is not one of the choices.",
         "The value is misspelt, or belongs to another key or version. The remedy lists the choices.",
         "Use one of the listed names.",
     ]),
@@ -2024,7 +2027,7 @@ const CODES: &[Code] = &[
         "Strokes are marked along their centre lines.",
         "An SVG drawing shows a stroke as a band. A laser usually marks its centre line, so a wide stroke becomes a thin \
          line. The notice names the widest stroke.",
-        "Set `strokes = \"band\"` under [pattern] (`--strokes band`) to mark strokes in their width.",
+        "Set `strokes = \"band\"` under [pattern] (`--strokes band`) to mark strokes at their full width.",
     ]),
     notice([
         "svg-transparent",
@@ -2100,7 +2103,8 @@ const CODES: &[Code] = &[
         "The file is neither a part nor a drawing.",
         "The hot folder accepts parts, scans, drawings (DXF, SVG) and pictures (PNG, BMP), and the files that belong to \
          them. The extension decides.",
-        "Export the part as STEP, GLB, glTF, OBJ, STL, PLY, 3MF or a list of points, and the drawing as DXF, SVG, PNG or BMP.",
+        "Export the part as STEP, GLB, glTF, OBJ, STL, PLY, 3MF or a list of points, and the drawing as DXF or SVG. Save a \
+         picture as PNG or BMP, and unpack an archive.",
     ]),
     reason([
         "usage",
@@ -2149,7 +2153,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "winding-made-alike",
-        "Triangles that ran the other way round than their neighbours were reversed.",
+        "Triangles that ran the opposite way to their neighbours were reversed.",
         "The file has no normals that show the outside, so isomark oriented the triangles like their neighbours.",
         "Nothing to do if the part looks right. In Blender, use Recalculate Outside before the export.",
     ]),

@@ -28,7 +28,7 @@ pub struct FillReport {
     /// The share of the fill whose spacing deviates by more than 1 %.
     pub uneven_share: f64,
     /// Smallest and largest length of a piece of a line on the part divided by its length in the field. The laser moves
-    /// evenly in the field, so spots are this many times as far apart on the part, and the energy per length is divided by it.
+    /// evenly in the field, so pulses are this many times as far apart on the part, and the energy per length is divided by it.
     pub spot_spacing: [f64; 2],
 }
 
@@ -64,7 +64,7 @@ impl FillReport {
             format!("fill          {} lines, {:.0} mm, {}", self.lines, self.length_mm, self.spacing_text());
         if self.spot_spacing[1] > 1.005 {
             text += &format!(
-                "; where the beam is inclined, spots are up to {:.2} times as far apart",
+                "; where the beam is inclined, pulses are up to {:.2} times as far apart",
                 self.spot_spacing[1]
             );
         }

@@ -148,8 +148,8 @@ impl SensitivityReport {
         let mut lines = Vec::new();
         if let (Some(sideways), Some(height), Some(turn)) = (self.sideways(), height, turn) {
             lines.push(format!(
-                "misplacement  a part 0.1 mm to the side adds up to {:.3} mm to the length error and moves the mark by {:.2} mm; \
-                 0.1 mm too high or low: {:.3} and {:.2} mm; turned by 0.1 deg: {:.3} and {:.2} mm",
+                "misplacement  a part 0.1 mm to the side: at most {:.3} mm more length error, and the mark moves by {:.2} mm; 0.1 mm \
+                 too high or low: {:.3} and {:.2} mm; turned by 0.1 deg: {:.3} and {:.2} mm",
                 sideways.length_mm,
                 sideways.moved_mm,
                 height.length_mm,

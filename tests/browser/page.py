@@ -47,7 +47,7 @@ with Chromium("--use-angle=swiftshader", "--enable-unsafe-swiftshader") as brows
     live(browser)
     seen = text(browser)
     for words in ["Ready", "trough@date.dxf", "Delivered", "cup@logo.dxf", "Drop the part as", "trough@broken.dxf", "Rejected",
-                  "To do:"]:
+                  "What to do:"]:
         check(words in seen, f"{words} in {seen}")
     size = browser.evaluate("parseFloat(getComputedStyle(document.querySelector('.word')).fontSize)")
     check(size > 60, f"the state has letters of {size} px")

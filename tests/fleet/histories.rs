@@ -322,7 +322,7 @@ fn recorded_histories_of_current_parts_are_linearizable() {
         }
     }
     println!(
-        "{runs} runs: {learned} parts learned, {gave_way} gave way, {unknown} without an answer, {read} reads"
+        "{runs} runs: {learned} parts fitted, {gave_way} gave way, {unknown} without an answer, {read} reads"
     );
     assert!(learned > 20 && read > 50, "the stations did too little");
 }

@@ -297,7 +297,7 @@ fn a_local_change_is_kept_beside_and_replaced() {
         "the release was used for both"
     );
     assert_eq!(
-        station.logged("using the changed settings of can: - rotate_deg = 90"),
+        station.logged("using the changed settings of SKU `can`: placement.rotate_deg"),
         0,
         "{}",
         station.log()

@@ -191,7 +191,7 @@ fn scans_and_heavy_meshes_are_fitted_by_a_worker_as_the_station_would() {
         let _ = fs::remove_file(station.path("import/trough.dxf"));
         station.drop_in(part, &content);
         station.waits_for("the fit", |station| station.logged("a worker of the fleet fitted") == made);
-        station.waits_for("the part", |station| station.logged("is now the part of trough") == made);
+        station.waits_for("the part", |station| station.logged("is now the part of SKU `trough`") == made);
         station.drop_in("trough.dxf", &line(9.0));
         is_right(&station, part, &content);
     }
@@ -199,7 +199,7 @@ fn scans_and_heavy_meshes_are_fitted_by_a_worker_as_the_station_would() {
     waits_for("no request", || requests(&server).is_empty(), || requests(&server));
     // A small mesh is fitted here.
     station.drop_in("trough.obj", &trough(1.5));
-    station.waits_for("the part", |station| station.logged("is now the part of trough") == 3);
+    station.waits_for("the part", |station| station.logged("is now the part of SKU `trough`") == 3);
     assert_eq!(worker.logged("fitted the part of trough"), 2, "{}", worker.log());
     let is_seen = || status(&server, &desk)["workers"][0]["made"] == 2;
     waits_for("the worker in the status", is_seen, || status(&server, &desk).to_string());

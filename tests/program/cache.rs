@@ -39,7 +39,7 @@ fn a_known_sku_needs_no_part() {
     assert!(desk.read("out.dxf") == desk.read("2.dxf") && desk.read("out.dxf") == desk.read("3.dxf"));
     // Another side needs another surface, which is not in the cache.
     let options = ["correct", &abc, "--sku", "mouse", "--cache", "kept", "--facing", "+x", "-o", "4.dxf"];
-    desk.isomark(&options).refused(1, &["SKU mouse", "under these settings", "remedy: Name the part"]);
+    desk.isomark(&options).refused(1, &["SKU mouse", "under these settings", "what to do: Name the part"]);
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn a_damaged_surface_is_reported_and_fitted_again() {
     // Without the part the surface cannot be fitted again, and the message must not state that the SKU is unknown.
     let lost =
         desk.isomark(&["correct", &drawing("abc"), "--sku", "mouse", "--cache", "kept", "-o", "lost.dxf"]);
-    lost.refused(1, &["mouse", "damaged", "remedy: Name the part"]);
+    lost.refused(1, &["mouse", "damaged", "what to do: Name the part"]);
     let report = desk.correct_to(
         "2.dxf",
         &[&part("mouse/fc020-gui.glb"), &drawing("abc")],
@@ -94,7 +94,7 @@ fn the_cache_is_listed_verified_and_cleaned() {
     let list = cache(&["list"]);
     assert_eq!(list.code, 0);
     assert!(
-        list.out.starts_with("* mouse ") && list.out.contains("fc020-gui.glb, residual 0."),
+        list.out.starts_with("* mouse ") && list.out.contains("fc020-gui.glb, largest residual 0."),
         "{}",
         list.out
     );
@@ -110,8 +110,8 @@ fn the_cache_is_listed_verified_and_cleaned() {
 
     let report = desk.correct(&part("mouse/fc020-gui.glb"), &drawing("abc"), "--sku mouse --cache kept");
     assert_eq!(report["part"]["surface_from_cache"], false);
-    cache(&["remove", "mouse", "cat"]).refused(0, &["mouse: removed", "cat: was not kept"]);
+    cache(&["remove", "mouse", "cat"]).refused(0, &["mouse: removed", "cat has no fitted surface here"]);
     assert_eq!(cache(&["list"]).out, "");
-    cache(&["remove", "a:b"]).refused(2, &["`a:b`", "remedy: Rename it"]);
+    cache(&["remove", "a:b"]).refused(2, &["`a:b`", "what to do: Rename it"]);
     cache(&["remove"]).refused(2, &["Usage"]);
 }

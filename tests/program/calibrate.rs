@@ -318,7 +318,7 @@ fn tables_that_cannot_be_right_are_refused_with_what_to_do() {
                 }
             }),
             1,
-            &["marks become larger", "height_mm", "number: growth"],
+            &["marks become larger", "height_mm", "number:     growth"],
         ),
         (
             each(&|cells| {

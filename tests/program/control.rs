@@ -28,7 +28,7 @@ fn delivered() -> Station {
     let station = Station::new();
     station.desk.write("hot/trough.obj", PART);
     station.copy_into(&drawing("square"), "trough.dxf");
-    assert!(station.once().out.starts_with("1 delivered, 1 part learned"));
+    assert!(station.once().out.starts_with("1 delivered, 1 part fitted"));
     station
 }
 
@@ -129,7 +129,7 @@ fn every_mistake_in_the_settings_is_named_before_it_counts() {
     station.desk.write("archive", "a file in the way");
     let output = check();
     assert!(output.out.is_empty(), "{output:?}");
-    output.refused(3, &["The archive folder ", "cannot be written", "remedy: Give the user"]);
+    output.refused(3, &["The archive folder ", "cannot be written", "what to do: Give the user"]);
 }
 
 /// The station has no older settings to use.
@@ -161,7 +161,7 @@ fn a_station_is_asked_from_another_terminal() {
         let output = ask(station);
         output.code == 0
             && output.out.contains("waiting: 1\n  cup.dxf: The drawing waits for a part")
-            && output.out.contains("cup@x.pdf: A .pdf file is neither")
+            && output.out.contains("cup@x.pdf: isomark does not read .pdf files")
     });
     let id = station.running.as_ref().unwrap().id();
     assert!(ask(&station).out.starts_with(&format!("test: running, process {id}")));
@@ -191,7 +191,7 @@ fn a_station_is_asked_from_another_terminal() {
     let output = ask(&station).out;
     assert!(output.contains("not running; stopped at 20"), "{output}");
     // Including drops that were rejected before.
-    let done = ": 0 delivered, 0 rejected, 0 parts learned; in the last hour 0 delivered, 0 rejected\n";
+    let done = ": 0 delivered, 0 rejected, 0 parts fitted; in the last hour 0 delivered, 0 rejected\n";
     assert!(output.contains(done) && output.contains("1 rejected drop is in "), "{output}");
     assert_eq!(status(&station)["state"], "stopped");
 }
@@ -225,13 +225,28 @@ fn a_drawing_for_an_unknown_product_names_similar_ones() {
 }
 
 #[test]
+fn a_drawing_names_what_its_part_waits_for() {
+    let station = Station::new();
+    station.desk.write("skus/trough.toml", "[part]\nfacign = \"+z\"\n");
+    station.desk.write("hot/trough.obj", PART);
+    station.copy_into(&drawing("square"), "trough.dxf");
+    let output = station.once();
+    let both = "The drawing waits until the part of SKU `trough` is complete and fitted; trough.obj waits, too: There is no key \
+                `facign` here.";
+    assert!(output.out.contains(&format!("trough.dxf: {both}")), "{output:?}");
+    assert!(output.err.contains(both), "{output:?}");
+    let status = status(&station).to_string();
+    assert!(status.contains(both), "{status}");
+}
+
+#[test]
 fn rejected_drops_are_tried_again() {
     let station = Station::new();
     station.desk.write("skus/trough.toml", OFF);
     station.desk.write("hot/trough.obj", PART);
     station.copy_into(&drawing("square"), "trough.dxf");
     station.copy_into(&drawing("abc"), "trough@2.dxf");
-    assert!(station.once().out.starts_with("0 delivered, 1 part learned, 2 rejected"));
+    assert!(station.once().out.starts_with("0 delivered, 1 part fitted, 2 rejected"));
     fs::remove_file(station.path("skus/trough.toml")).unwrap();
     let retry = |arguments: &[&str]| station.desk.isomark(&[&["retry", "station.toml"], arguments].concat());
     retry(&["cup.dxf"]).refused(3, &["There is no rejected drop cup.dxf in"]);
@@ -241,7 +256,8 @@ fn rejected_drops_are_tried_again() {
     );
     assert_eq!(retry(&["--uncertain"]).out, "no delivery is uncertain\n");
     let text = station.desk.text("rejected/trough.dxf.reason.txt");
-    assert!(text.ends_with("correct them and run `isomark retry STATION.toml trough.dxf`.\n"), "{text}");
+    let command = format!("isomark retry {} trough.dxf", station.path("station.toml").display());
+    assert!(text.ends_with(&format!("correct them and run `{command}`.\n")), "{text}");
     // One that waits is tried, too, though not alone.
     station.copy_into(&drawing("square"), "cup@1.dxf");
     let output = retry(&["cup@1.dxf"]);
@@ -312,7 +328,11 @@ fn outdated_drawings_are_marked_and_corrected_again_when_asked() {
     station.waits_for("a first listing", has_listed);
     station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [3, 0]\n");
     station.waits_for("a mark", |station| status(station)["outdated"]["first"][0]["name"] == "trough.dxf");
-    assert!(station.log().contains("+ place_mm = [3, 0]"), "{}", station.log());
+    assert!(
+        station.log().contains("using the changed settings of SKU `trough`: placement.place_mm = [3, 0]"),
+        "{}",
+        station.log()
+    );
     assert_eq!(station.desk.read("import/trough.dxf"), first);
     let retry = |sku: &str| station.desk.isomark(&["retry", "station.toml", "--outdated", sku]);
     let output = retry("cup");
@@ -388,7 +408,7 @@ fn a_new_part_outdates_drawings_of_an_older_version() {
     make_journal_older(&station);
     station.desk.write("hot/trough.obj", PART.replace("20 1", "20 2"));
     let output = station.once();
-    assert!(output.out.starts_with("1 delivered, 1 part learned"), "{output:?}");
+    assert!(output.out.starts_with("1 delivered, 1 part fitted"), "{output:?}");
     assert_ne!(station.desk.read("import/trough.dxf"), first);
     let output = station.once();
     assert!(output.out.starts_with("0 delivered") && !output.err.contains("as up to date"), "{output:?}");
@@ -439,6 +459,9 @@ fn the_settings_decide_whether_a_repeated_drop_is_delivered_again() {
         station.copy_into(&drawing("square"), "trough.dxf");
         let output = station.once();
         assert!(output.err.contains(while_in_import), "{repeat}: {}", output.err);
+        let is_unchanged = output.out.contains("\n1 already delivered and unchanged in import\n");
+        assert_eq!(is_unchanged, repeat == "if-gone", "{repeat}: {}", output.out);
+        assert_eq!(output.out.starts_with("1 delivered"), repeat == "always", "{repeat}: {}", output.out);
         fs::remove_file(station.path("import/trough.dxf")).unwrap();
         station.copy_into(&drawing("square"), "trough.dxf");
         let output = station.once();
@@ -460,7 +483,7 @@ fn settings_beside_a_drawing_apply_only_to_it() {
     station.copy_into(&drawing("square"), "trough@c.dxf");
     let output = station.once();
     assert!(
-        output.out.starts_with("2 delivered, 0 parts learned, 1 rejected, 0 waiting, 0 inc"),
+        output.out.starts_with("2 delivered, 0 parts fitted, 1 rejected, 0 waiting, 0 inc"),
         "{}",
         output.out
     );
@@ -487,7 +510,7 @@ fn drawings_of_a_rejected_part_wait() {
     station.desk.write("hot/trough.obj", "v 0 0 0\nv 1 0 0\nf 1 2 9\n");
     station.copy_into(&drawing("square"), "trough@2.dxf");
     let output = station.once();
-    assert!(output.out.contains("0 delivered, 0 parts learned, 1 rejected, 1 waiting"), "{}", output.out);
+    assert!(output.out.contains("0 delivered, 0 parts fitted, 1 rejected, 1 waiting"), "{}", output.out);
     assert!(output.out.contains("the older part is not used"), "{}", output.out);
     fs::remove_file(station.path("rejected/trough.obj")).unwrap();
     assert!(station.once().out.starts_with("1 delivered"));

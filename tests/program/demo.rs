@@ -62,7 +62,7 @@ fn the_demo_delivers_every_drop_and_lists_the_results() {
     opens_its_report(&desk);
     // A file with the name of the folder is an error with a remedy.
     desk.write("taken", "a file");
-    desk.isomark(&["demo", "taken"]).refused(3, &["taken", "remedy: "]);
+    desk.isomark(&["demo", "taken"]).refused(3, &["taken", "what to do: "]);
 }
 
 /// A stand-in for the desktop's program that opens files writes down what it is given.

@@ -188,7 +188,7 @@ fn a_cylinder_as_a_primitive_needs_no_part() {
     desk.isomark(&["correct", &drawing("abc"), "--cylinder", "73,30", "--axis", "x", "-o", "no.dxf"])
         .refused(1, &["beyond the part"]);
     desk.isomark(&["correct", &drawing("abc"), "--axis", "x", "--sku", "a", "-o", "no.dxf"])
-        .refused(2, &["where:  --axis x", "`shape = \"cylinder\"`"]);
+        .refused(2, &["where:      --axis x", "`shape = \"cylinder\"`"]);
     desk.isomark(&["correct", &drawing("abc"), "--cylinder", "73", "-o", "no.dxf"]).refused(2, &["73,180"]);
 }
 

@@ -57,7 +57,7 @@ fn a_refusal_names_the_command_that_explains_it() {
     let refused = desk.isomark(&["inspect", "cut.obj"]);
     let command = refused.err.lines().last().unwrap().trim_start();
     let words: Vec<&str> = command
-        .strip_prefix("more:   isomark ")
+        .strip_prefix("more:       isomark ")
         .unwrap_or_else(|| panic!("{refused:?}"))
         .split(' ')
         .collect();

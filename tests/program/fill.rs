@@ -242,7 +242,7 @@ fn what_cannot_be_filled_is_refused_or_noticed_with_its_number() {
     };
     let square = || polylines(&[("MARK", true, SQUARE)]);
     correct(square(), "--fill 0.001").refused(2, &["fill.spacing_mm", "0.005", "--fill 0.001"]);
-    correct(square(), "--fill 0.1,45,225").refused(2, &["same direction", "remedy: "]);
+    correct(square(), "--fill 0.1,45,225").refused(2, &["same direction", "what to do: "]);
     correct(square(), "--fill 0.1,1,2,3").refused(2, &["--fill 0.1,1,2,3"]);
     correct(square(), "--fill x").refused(2, &["--fill x"]);
     let large: &[[f64; 2]] = &[[-90.0, -90.0], [90.0, -90.0], [90.0, 90.0], [-90.0, 90.0]];

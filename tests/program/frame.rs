@@ -221,7 +221,7 @@ fn frames_that_cannot_be_used_are_refused_with_a_remedy() {
         ("0,0,1e9 0,0,1", "cannot be 1000000000 mm"),
     ] {
         let arguments = ["correct", "can.glb", "line.dxf", "--out", "out.dxf", "--frame", frame];
-        desk.isomark(&arguments).refused(2, &[words, "remedy"]);
+        desk.isomark(&arguments).refused(2, &[words, "what to do"]);
     }
     let both =
         ["correct", "can.glb", "line.dxf", "--out", "out.dxf", "--frame", "0,0,0 0,0,1", "--facing", "-y"];

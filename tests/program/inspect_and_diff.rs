@@ -54,9 +54,13 @@ fn the_fitted_surface_is_written_for_cad() {
 
     desk.isomark(&["inspect", &can, "--surface", "front.iges"]).refused(
         2,
-        &["front.iges", "is not a format of surfaces", "remedy: Give the file the ending .step or .obj"],
+        &[
+            "front.iges",
+            "is not that of a format of surfaces",
+            "what to do: Give the file the extension .step or .obj",
+        ],
     );
-    desk.isomark(&["inspect", &can, "--surface", "no/front.step"]).refused(3, &["no folder", "remedy"]);
+    desk.isomark(&["inspect", &can, "--surface", "no/front.step"]).refused(3, &["no folder", "what to do"]);
     assert_eq!(desk.isomark(&["inspect", &drawing("abc"), "--surface", "x.step"]).code, 2);
 }
 
@@ -149,8 +153,8 @@ fn diff_lists_the_changes_between_two_drawings() {
     assert!(diff(&mm, &drawing("square"), &[]).contains("3 paths removed"));
     assert!(diff(&drawing("square"), &mm, &[]).contains("added"));
 
-    desk.isomark(&["diff", "a.dxf", "gone.dxf"]).refused(3, &["gone.dxf", "remedy: "]);
+    desk.isomark(&["diff", "a.dxf", "gone.dxf"]).refused(3, &["gone.dxf", "what to do: "]);
     desk.write("empty.dxf", "");
-    desk.isomark(&["diff", "a.dxf", "empty.dxf"]).refused(1, &["where:  empty.dxf"]);
+    desk.isomark(&["diff", "a.dxf", "empty.dxf"]).refused(1, &["where:      empty.dxf"]);
     desk.isomark(&["diff", "a.dxf", "b.dxf", "--tolerance", "-1"]).refused(2, &["--tolerance"]);
 }

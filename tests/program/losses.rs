@@ -36,7 +36,14 @@ fn a_drawing_from_the_corner_of_a_page_names_the_place_where_it_fits() {
     let far = far.replace("\n10\n10\n20\n", "\n10\n110\n20\n").replace("\n10\n0\n20\n", "\n10\n100\n20\n");
     desk.write("logo.dxf", far);
     let refused = correct(&desk, "");
-    refused.refused(1, &["--place 0,0", "place_mm = [0, 0]", "seem to be those of a page"]);
+    refused.refused(
+        1,
+        &[
+            "--place 0,0",
+            "place_mm = [0, 0]",
+            "seem to be those of a page. If it belongs elsewhere, move it or check `facing`.",
+        ],
+    );
     assert_eq!(correct(&desk, "--place 0,0").code, 0);
     // A place that was given is not doubted, and a drawing larger than the part fits nowhere.
     let placed = correct(&desk, "--place 300,0");
@@ -60,6 +67,21 @@ fn correct(desk: &Desk, options: &str) -> Output {
 }
 
 #[test]
+fn a_drawing_of_letters_in_no_font_names_them_and_what_to_do() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let text = text("MARK");
+    desk.write("logo.dxf", format!("0\nSECTION\n2\nENTITIES\n{text}0\nENDSEC\n0\nEOF\n"));
+    correct(&desk, "").refused(
+        1,
+        &[
+            "it contains only 1 TEXT, whose letter 株 is in no available font.",
+            "what to do: Convert the text to outlines in the drawing program.",
+        ],
+    );
+}
+
+#[test]
 fn lost_ink_refuses_the_drawing_with_a_list_and_the_remedy() {
     let desk = desk(&(text("MARK") + "0\n3DFACE\n5\n95\n8\nMARK\n10\n0\n20\n0\n"));
     let output = correct(&desk, "");
@@ -67,10 +89,10 @@ fn lost_ink_refuses_the_drawing_with_a_list_and_the_remedy() {
         1,
         &[
             "2 visible entities cannot be marked",
-            "TEXT 7E on layer MARK: its letters 株 are in no available font",
+            "TEXT 7E on layer MARK: its letter 株 is in no available font",
             "3DFACE 95 on layer MARK: it is a surface",
-            "where:  logo.dxf, TEXT 7E, layer MARK",
-            "number: entities not marked 2",
+            "where:      logo.dxf, TEXT 7E, layer MARK",
+            "number:     entities not marked 2",
             "hide their layer",
             "`losses = \"warn\"` under [pattern] (`--losses warn`)",
         ],
@@ -188,7 +210,7 @@ fn a_station_refuses_lost_ink_unless_sku_or_drawing_settings_allow_it() {
     station.desk.write("hot/loose@seal.toml", "[pattern]\nlosses = \"refuse\"\n");
     station.desk.write("hot/loose@seal.dxf", dxf(&text("MARK")));
     let output = station.once();
-    assert!(output.out.starts_with("2 delivered, 2 parts learned, 2 rejected"), "{output:?}");
+    assert!(output.out.starts_with("2 delivered, 2 parts fitted, 2 rejected"), "{output:?}");
     assert_eq!(station.import(), ["loose@logo.dxf", "plate@date.dxf"]);
     let rejected = files(&station.path("rejected"));
     for name in ["plate@logo.dxf", "loose@seal.dxf"] {

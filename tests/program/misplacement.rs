@@ -80,7 +80,7 @@ fn the_error_to_expect_follows_from_the_uncertainty_of_the_fixture() {
     ]);
     assert!(
         said.err.contains(
-            "a part 0.1 mm to the side adds up to 0.028 mm to the length error and moves the mark by 0.11 mm"
+            "a part 0.1 mm to the side: at most 0.028 mm more length error, and the mark moves by 0.11 mm;"
         ),
         "{}",
         said.err

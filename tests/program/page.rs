@@ -208,16 +208,18 @@ fn the_page_lists_what_was_delivered_what_waits_and_what_was_rejected() {
     let shown = with_three_drops();
     let page = shown.page_with(&[
         "trough@date.dxf: Delivered",
-        "trough.obj: Part learned",
+        "trough.obj: Part fitted",
         "cup@logo.dxf waits: ",
         "aria-label=\"Retry trough@broken.dxf\"",
     ]);
     let station = &shown.station;
     let reason: Value =
         serde_json::from_slice(&station.desk.read("rejected/trough@broken.dxf.reason.json")).unwrap();
-    for text in
-        [reason["what"].as_str().unwrap(), reason["remedy"].as_str().unwrap(), "cup has no surface yet"]
-    {
+    for text in [
+        reason["what"].as_str().unwrap(),
+        reason["remedy"].as_str().unwrap(),
+        "the SKU `cup` has no surface yet",
+    ] {
         assert!(page.contains(&escaped(text)), "{text} is not in {page}");
     }
     for tile in [
@@ -287,7 +289,7 @@ fn an_event_arrives_after_a_drop() {
     assert!(events.read.contains("content-type: text/event-stream"), "{}", events.read);
     assert!(!events.read.contains("trough"));
     shown.station.desk.write("hot/trough.obj", PART);
-    events.until("trough.obj: Part learned");
+    events.until("trough.obj: Part fitted");
     shown.station.copy_into(&drawing("square"), "trough@date.dxf");
     events.until("trough@date.dxf: Delivered");
     for event in events.read.split("data: ").skip(1).filter_map(|event| event.split_once("\n\n")) {
@@ -608,7 +610,7 @@ fn other_computers_need_a_setting_and_a_password() {
         ("", vec!["--page", "127.0.0.1:99999"], "is not an address for the page"),
     ] {
         let output = watch(page, &arguments);
-        output.refused(2, &[words, "remedy: "]);
+        output.refused(2, &[words, "what to do: "]);
     }
     let output = station.desk.isomark(&["watch", "station.toml", "--once", "--page"]);
     assert_eq!(output.code, 2, "{output:?}");

@@ -142,7 +142,8 @@ fn two_edges_give_the_pose() {
     // Turned by 180 deg, the part would touch the same lines, but beyond its edges.
     assert_pose(&found, 2e-3);
     let parallel = ["--z", "4", "--edge", &edges[0], "--edge", &edges[0]];
-    desk.isomark(&arguments(&parallel, &[])).refused(1, &["nearly parallel", "number: angle", "limit 10"]);
+    desk.isomark(&arguments(&parallel, &[]))
+        .refused(1, &["nearly parallel", "number:     angle", "limit 10"]);
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn with_a_past() -> Station {
     station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
     station.desk.write("hot/mouse@bad.dxf", "no drawing");
     let output = station.once();
-    assert!(output.out.starts_with("3 delivered, 2 parts learned, 1 rejected"), "{output:?}");
+    assert!(output.out.starts_with("3 delivered, 2 parts fitted, 1 rejected"), "{output:?}");
     station
 }
 
@@ -98,7 +98,10 @@ fn old_files_are_removed_and_needed_ones_are_kept() {
     station.copy_into(&drawing("abc"), "mouse@third.dxf");
     station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
     let output = station.once();
-    assert!(output.out.starts_with("2 delivered, 0 parts learned"), "{output:?}");
+    assert!(
+        output.out.starts_with("1 delivered, 0 parts fitted") && output.out.contains("\n1 already delivered"),
+        "{output:?}"
+    );
     assert!(output.err.contains("plate.dxf was already delivered and is unchanged in import"), "{output:?}");
     assert!(output.err.contains("restored the surface of plate from the archive"), "{output:?}");
     // New settings outdate the drawings; those without originals cause no error.

@@ -168,9 +168,9 @@ fn an_option_and_its_setting_have_one_range() {
                 [&by_option, &by_file].map(|output| refusal(output).map(|value| typed(&value)));
             assert_eq!(by_option, by_file, "{option}");
         }
-        by_option.refused(2, &[&format!("where:  {option} {typed}")]);
-        by_set.refused(2, &[&format!("where:  --set {setting}=")]);
-        by_file.refused(2, &["where:  station.toml, line "]);
+        by_option.refused(2, &[&format!("where:      {option} {typed}")]);
+        by_set.refused(2, &[&format!("where:      --set {setting}=")]);
+        by_file.refused(2, &["where:      station.toml, line "]);
         let what = refusal(&by_option);
         let says = help.split("--").find(|text| format!("--{text}").starts_with(&format!("{option} ")));
         assert_eq!(says.is_none(), HIDDEN.contains(option), "{option}");
@@ -204,7 +204,7 @@ fn sizes_of_a_cylinder_have_one_range() {
         ["--set", "part.shape=cylinder", "--set", "part.length_mm=180", "--set", "part.diameter_mm=0"];
     let [option, set] = [correct(&desk, &["--cylinder", "0,180"]), correct(&desk, &shape)];
     assert_eq!(refusal(&option), refusal(&set));
-    option.refused(2, &["where:  --cylinder 0,180", "from 0.1 to 10000 mm"]);
+    option.refused(2, &["where:      --cylinder 0,180", "from 0.1 to 10000 mm"]);
     // Sizes alone are a part, however they are given.
     let shape =
         ["--set", "part.shape=cylinder", "--set", "part.length_mm=180", "--set", "part.diameter_mm=73"];
@@ -252,7 +252,7 @@ fn the_command_line_overrides_the_station_and_its_skus() {
     output.refused(1, &["the field x -10.0 to 10.0"]);
     // Without a station it needs both sides.
     correct(&desk, &["--set", "field.width_mm=20"])
-        .refused(2, &["`height_mm` is missing", "where:  --set field.width_mm=20"]);
+        .refused(2, &["`height_mm` is missing", "where:      --set field.width_mm=20"]);
 }
 
 #[test]
@@ -263,8 +263,8 @@ fn a_setting_is_given_once_and_where_it_has_an_effect() {
         &[
             "`correction.tolerance_mm` is given twice",
             "`--tolerance 0.02`",
-            "where:  --set correction.tolerance_mm=0.05",
-            "remedy: Remove one",
+            "where:      --set correction.tolerance_mm=0.05",
+            "what to do: Remove one",
         ],
     );
     for (setting, why) in [
@@ -289,7 +289,7 @@ fn a_setting_is_given_once_and_where_it_has_an_effect() {
         ("fixture.x_mm=3", "without field and lens"),
         ("log.keep=3", "only `isomark watch` uses it"),
     ] {
-        evaluate(setting).refused(2, &["has no effect here", why, "remedy: Remove it"]);
+        evaluate(setting).refused(2, &["has no effect here", why, "what to do: Remove it"]);
     }
     let inspect = |setting: &str| desk.isomark(&["inspect", &part(MOUSE), "--set", setting]);
     inspect("placement.rotate_deg=3").refused(2, &["uses `part` and `pattern`"]);
@@ -313,9 +313,28 @@ fn a_station_is_checked_with_the_settings_of_the_command_line() {
         output.code == 0 && output.out.starts_with("Line 2: ") && output.out.contains("elsewhere"),
         "{output:?}"
     );
-    check(&["watch.jobs=1"])
-        .refused(2, &["`watch.jobs` cannot be 1 jobs", "where:  --set watch.jobs=1", "from 2 to 64 jobs"]);
-    check(&["folders.import=hot"]).refused(2, &["where:  --set folders.import=hot"]);
+    check(&["watch.jobs=1"]).refused(
+        2,
+        &["`watch.jobs` cannot be 1 jobs", "where:      --set watch.jobs=1", "from 2 to 64 jobs"],
+    );
+    let page = [
+        "folders.import=elsewhere",
+        "page.address=0.0.0.0:4780",
+        "page.other_computers=true",
+        "page.password_file=pw",
+    ];
+    check(&page).refused(3, &["password file", "cannot be read", "8 characters"]);
+    desk.write("pw", "abc\n");
+    check(&page).refused(3, &["password file", "is too short", "8 characters"]);
+    desk.write("pw", "abcdefgh\n");
+    let open = check(&page);
+    assert!(
+        open.code == 0 && open.out.contains("http://localhost:4780/ on this computer, and at port 4780"),
+        "{open:?}"
+    );
+    let named = check(&[&page[..], &["page.names=laser1"]].concat());
+    assert!(named.out.contains("  page        http://laser1:4780/\n"), "{named:?}");
+    check(&["folders.import=hot"]).refused(2, &["where:      --set folders.import=hot"]);
     let output = desk.isomark(&["watch", "station.toml", "--once", "--set", "folders.import=elsewhere"]);
     assert_eq!(output.code, 0, "{output:?}");
     desk.isomark(&["watch", "station.toml", "--once", "--set", "watch.settle=1"])

@@ -226,7 +226,7 @@ fn drops_in_any_order_give_the_bytes_of_the_command() {
 fn a_drawing_for_an_unknown_sku_names_the_form_and_the_known_skus() {
     let station = Station::running();
     station.copy_into(&part("mouse/fc020-coarse-mesh.obj"), "mouse.obj");
-    station.waits_for("the part", |station| station.log().contains("is now the part of mouse"));
+    station.waits_for("the part", |station| station.log().contains("is now the part of SKU `mouse`"));
     station.copy_into(&drawing("abc"), "abcdefghijk.dxf");
     station.waits_for("the form of names", |station| {
         let log = station.log();
@@ -268,7 +268,7 @@ fn a_part_of_two_files_is_fitted_again_from_both() {
     station.copy_into(&buffer, "fc020-gui.bin");
     station.copy_into(&drawing("ez-qr-hatch"), "plate.dxf");
     let output = station.once();
-    assert!(output.out.starts_with("1 delivered, 1 part learned"), "{output:?}");
+    assert!(output.out.starts_with("1 delivered, 1 part fitted"), "{output:?}");
     let first = station.desk.read("import/plate.dxf");
     let report = station.desk.text("reports/plate/plate.dxf.report.json");
     let both = [text, buffer].map(|path| fs::read(path).unwrap()).concat();
@@ -337,7 +337,7 @@ fn invalid_files_are_rejected_with_a_reason_and_the_station_continues() {
     for (name, code, words) in [
         ("can@text.dxf", "pattern-nothing-to-mark", "Object to Path"),
         ("can@stray.dxf", "off-surface", "Delete stray lines"),
-        ("can@wrong.pdf", "", "remedy: "),
+        ("can@wrong.pdf", "", "what to do: "),
         ("mouse.glb", "mesh-truncated", "copy the file again"),
     ] {
         assert!(station.path(&format!("rejected/{name}")).exists(), "{name}");
@@ -346,7 +346,7 @@ fn invalid_files_are_rejected_with_a_reason_and_the_station_continues() {
         let json: serde_json::Value =
             serde_json::from_slice(&station.desk.read(&format!("rejected/{name}.reason.json"))).unwrap();
         assert_eq!(json["drop"], name);
-        let more = format!("\n  more:   isomark explain {}\n", json["code"].as_str().unwrap());
+        let more = format!("\n  more:       isomark explain {}\n", json["code"].as_str().unwrap());
         assert!(text.contains(&more), "{text}");
         assert!(code.is_empty() || json["code"] == code, "{json:#}");
     }
@@ -489,7 +489,7 @@ fn watch_once_processes_the_drops_in_the_hot_folder() {
     let output = station.once();
     assert_eq!(output.code, 1, "{}", output.err);
     assert!(
-        output.out.contains("1 delivered, 1 part learned, 1 rejected, 1 waiting, 0 incomplete"),
+        output.out.contains("1 delivered, 1 part fitted, 1 rejected, 1 waiting, 0 incomplete"),
         "{}",
         output.out
     );
@@ -499,7 +499,7 @@ fn watch_once_processes_the_drops_in_the_hot_folder() {
     // Later only a drawing is dropped: the surface is in the cache.
     station.copy_into(&drawing("abc"), "can@2.dxf");
     let output = station.once();
-    assert!(output.out.contains("1 delivered, 0 parts learned, 0 rejected, 1 waiting"), "{}", output.out);
+    assert!(output.out.contains("1 delivered, 0 parts fitted, 0 rejected, 1 waiting"), "{}", output.out);
 }
 
 #[test]
@@ -531,7 +531,7 @@ fn without_an_import_folder_drops_wait() {
         "{}",
         output.err
     );
-    assert!(output.out.contains("0 delivered, 1 part learned, 0 rejected, 1 waiting"), "{}", output.out);
+    assert!(output.out.contains("0 delivered, 1 part fitted, 0 rejected, 1 waiting"), "{}", output.out);
     assert_eq!(files(&station.path("hot")), ["can.dxf"]);
     fs::create_dir(station.path("import")).unwrap();
     assert!(station.once().out.contains("1 delivered"));
@@ -547,7 +547,7 @@ fn the_files_of_the_first_check_give_the_described_results() {
         station.copy_into(path.to_str().unwrap(), path.file_name().unwrap().to_str().unwrap());
     }
     let output = station.once();
-    assert!(output.out.starts_with("3 delivered, 1 part learned, 0 rejected"), "{}", output.out);
+    assert!(output.out.starts_with("3 delivered, 1 part fitted, 0 rejected"), "{}", output.out);
     for (name, expected) in [
         ("plate@square.dxf", [-5.0, -5.0, 5.0, 5.0]),
         ("plate@moved.dxf", [15.0, 5.0, 25.0, 15.0]),

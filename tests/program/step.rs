@@ -27,7 +27,7 @@ fn the_can_is_unrolled_with_the_numbers_of_the_file() {
     // The same part from memory.
     let station = Station::new();
     station.copy_into(&can, "can.step");
-    assert!(station.once().out.starts_with("0 delivered, 1 part learned"));
+    assert!(station.once().out.starts_with("0 delivered, 1 part fitted"));
     station.copy_into(&lines, "can.dxf");
     station.once();
     assert_eq!(station.import(), ["can.dxf"]);

@@ -181,7 +181,7 @@ fn an_unreasonable_file_is_refused_and_the_station_continues() {
     }
     let printed = station.once();
     let rejected = if sparse { 3 } else { 2 };
-    assert!(printed.starts_with(&format!("1 delivered, 1 part learned, {rejected} rejected")), "{printed}");
+    assert!(printed.starts_with(&format!("1 delivered, 1 part fitted, {rejected} rejected")), "{printed}");
     assert_eq!(station.reason("trough@far.dxf"), "off-surface");
     assert_eq!(station.reason("trough@scribble.dxf"), "too-much-ink");
     if sparse {

@@ -78,13 +78,13 @@ fn no_station_returns_to_an_older_part_of_a_shared_sku() {
         let settings = SETTINGS.replace("[folders]\n", &folder) + more;
         fs::write(station.path("station.toml"), settings).unwrap();
         fs::write(station.path("hot/trough.obj"), part(1)).unwrap();
-        assert!(station.once().contains("1 part learned"));
+        assert!(station.once().contains("1 part fitted"));
     }
     let [one, other] = &stations;
     fs::write(one.path("hot/trough.obj"), part(9)).unwrap();
-    assert!(one.once().contains("1 part learned"));
+    assert!(one.once().contains("1 part fitted"));
     fs::write(other.path("hot/trough@b.dxf"), pattern()).unwrap();
-    assert!(other.once().contains("0 delivered, 0 parts learned, 0 rejected, 1 waiting"));
+    assert!(other.once().contains("0 delivered, 0 parts fitted, 0 rejected, 1 waiting"));
     fs::write(one.path("hot/trough@a.dxf"), pattern()).unwrap();
     assert!(one.once().starts_with("1 delivered"));
     let alone = Station::new();
@@ -94,7 +94,7 @@ fn no_station_returns_to_an_older_part_of_a_shared_sku() {
     let drawing = |station: &Station| fs::read(station.path("import/trough@a.dxf")).unwrap();
     assert!(drawing(one) == drawing(&alone));
     fs::write(other.path("hot/trough.obj"), part(9)).unwrap();
-    assert!(other.once().starts_with("1 delivered, 1 part learned"));
+    assert!(other.once().starts_with("1 delivered, 1 part fitted"));
 }
 
 #[test]

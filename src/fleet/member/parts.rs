@@ -124,7 +124,7 @@ impl Member {
         }
         if matches!(&before, Ok(Some(known)) if known.origin.blake3 != theirs.part.origin.blake3) {
             let (file, station) = (on_one_line(&theirs.part.origin.file), on_one_line(&theirs.station));
-            tracing::info!("{} has a new part in the fleet: {file}, learned by {station}", theirs.sku);
+            tracing::info!("{} has a new part in the fleet: {file}, fitted by {station}", theirs.sku);
         }
         self.shared().news.insert(theirs.sku);
     }
@@ -193,7 +193,7 @@ impl Member {
                     let [file, other, by] = [&part.origin.file, &newer.part.origin.file, &newer.station]
                         .map(|text| on_one_line(text));
                     tracing::warn!(
-                        "{file} is not the part of {sku} any more: {by} has learned {other} since. Drop {file} again if \
+                        "{file} is not the part of {sku} any more: {by} has fitted {other} since. Drop {file} again if \
                          it is to replace that"
                     );
                 }

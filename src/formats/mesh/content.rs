@@ -69,7 +69,7 @@ impl Content {
                 format!("unpack the file; if that is not a part, {export}")
             }
             Self::Svg | Self::Dxf | Self::Picture => {
-                format!("use it as the drawing, with the ending that its program gave it; {export}")
+                format!("use it as the drawing, with the extension that its program gave it; {export}")
             }
             Self::Html => format!("download the file again: this is the page of a web site; or {export}"),
             _ => export.into(),

@@ -64,6 +64,29 @@ pub enum MeshReadError {
         /// What was found instead.
         found: String,
     },
+    /// The file has no bytes.
+    #[error("the file is empty")]
+    EmptyFile,
+    /// The lines of a list of points have too few numbers.
+    #[error("the list of points has {columns} {}; it needs x, y and z", if *columns == 1 { "column" } else { "columns" })]
+    TooFewColumns {
+        /// First line of numbers, from 1.
+        line: u64,
+        /// Numbers in that line.
+        columns: usize,
+    },
+    /// A list of points has no line of numbers.
+    #[error("the list of points has {found} but no points")]
+    NoRows {
+        /// What it has instead, such as `a header`.
+        found: &'static str,
+    },
+    /// The columns of a list of points are separated by commas, and so are the decimals.
+    #[error("the numbers seem to have decimal commas")]
+    DecimalCommas {
+        /// First line of numbers, from 1.
+        line: u64,
+    },
     /// The bytes are in another known format.
     #[error("this is not a file in {format} format: it is {found}")]
     OtherFormat {
@@ -367,16 +390,17 @@ impl MeshReadError {
     #[must_use]
     pub fn is_cut_short(&self) -> bool {
         let is_cut_step = matches!(self, Self::Step(StepError { problem: StepProblem::CutOff, .. }));
-        is_cut_step || matches!(self, Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. })
+        let is_cut = matches!(self, Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. });
+        is_cut_step || is_cut || *self == Self::EmptyFile
     }
 
     fn code(&self) -> &'static str {
         match self {
             Self::Step(error) => step_code(&error.problem),
             Self::Truncated { .. } | Self::CutLine { .. } | Self::CutShort { .. } => "mesh-truncated",
-            Self::BadHeader { .. } => "mesh-header-invalid",
-            Self::NoPoints { .. } => "scan-empty",
-            Self::NotThisFormat { .. } | Self::OtherFormat { .. } => "mesh-wrong-format",
+            Self::BadHeader { .. } | Self::TooFewColumns { .. } => "mesh-header-invalid",
+            Self::NoPoints { .. } | Self::NoRows { .. } => "scan-empty",
+            Self::NotThisFormat { .. } | Self::OtherFormat { .. } | Self::EmptyFile => "mesh-wrong-format",
             Self::Package { .. } => "mesh-package-invalid",
             Self::Compressed { .. } => "mesh-compression-invalid",
             Self::Version { .. } => "mesh-version-unsupported",
@@ -397,7 +421,7 @@ impl MeshReadError {
             Self::NotFinite { .. } => "mesh-coordinate-not-finite",
             Self::TooFar { .. } => "mesh-coordinate-too-far",
             Self::IndexOutOfRange { .. } => "mesh-index-out-of-range",
-            Self::BadLine { .. } => "mesh-line-invalid",
+            Self::BadLine { .. } | Self::DecimalCommas { .. } => "mesh-line-invalid",
             Self::Refused { .. } => "mesh-refused",
             Self::NoTriangles { .. } => "mesh-empty",
             Self::TooLarge { .. } => "mesh-too-large",
@@ -417,6 +441,8 @@ impl MeshReadError {
             Self::Truncated { actual, .. } => Place { byte: Some(*actual), ..Place::default() },
             Self::CutLine { line: at, .. }
             | Self::BadLine { line: at, .. }
+            | Self::TooFewColumns { line: at, .. }
+            | Self::DecimalCommas { line: at }
             | Self::BadHeader { line: at, .. } => line(*at),
             Self::BadJson { line, column, .. } => {
                 Place { line: Some(*line), column: Some(*column), ..Place::default() }
@@ -443,6 +469,8 @@ impl MeshReadError {
             Self::Package { item: at, byte, .. } => Place { byte: *byte, ..item(at) },
             Self::NotThisFormat { .. }
             | Self::OtherFormat { .. }
+            | Self::EmptyFile
+            | Self::NoRows { .. }
             | Self::Version { .. }
             | Self::UnsupportedExtension { .. }
             | Self::Refused { .. }
@@ -463,8 +491,13 @@ impl MeshReadError {
             | Self::BufferShort { .. } => "wait until the export has finished, then copy the file again",
             Self::NotThisFormat { .. } => {
                 "export the part as STEP, GLB, glTF with its .bin, OBJ, STL, PLY or 3MF, or a scan as PLY or a list of points, \
-                 and keep the file name ending that the program gave it"
+                 and keep the extension that the program gave it"
             }
+            Self::EmptyFile => "export or copy it again",
+            Self::TooFewColumns { .. } | Self::NoRows { .. } => {
+                "export the scan again with one point per line: x, y, z"
+            }
+            Self::DecimalCommas { .. } => "export the scan with decimal points",
             Self::OtherFormat { found, .. } => return found.remedy(),
             Self::Version { .. } => {
                 "export the part as glTF 2 (.glb) or OBJ, or convert it (`gltf-pipeline -i old.gltf -o new.glb`)"

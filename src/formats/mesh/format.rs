@@ -49,7 +49,7 @@ pub fn is_unread_part(file_name: &str) -> bool {
 
 impl MeshFormat {
     /// File name endings of parts, for people.
-    pub const ENDINGS: &str = ".step, .glb, .gltf, .obj, .stl, .ply, .3mf, .xyz or .csv";
+    pub const ENDINGS: &str = ".step, .glb, .gltf, .obj, .stl, .ply, .3mf, .xyz, .txt or .csv";
 
     /// Whether an incomplete file can be recognised; a file of mere lines looks complete after any line.
     #[must_use]

@@ -125,6 +125,9 @@ pub fn read(
     options: &MeshOptions,
     siblings: &BTreeMap<String, Vec<u8>>,
 ) -> Result<PartReading, MeshReadError> {
+    if bytes.is_empty() {
+        return Err(MeshReadError::EmptyFile);
+    }
     let format = format.of_content(bytes);
     foreign::check(bytes, format)?;
     let part = match format {
@@ -150,6 +153,7 @@ pub fn read(
 /// See [`MeshReadError`]; buffers outside the part's folder are an error.
 pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshReadError> {
     match format.of_content(bytes) {
+        MeshFormat::Gltf | MeshFormat::Glb if bytes.is_empty() => Err(MeshReadError::EmptyFile),
         format @ (MeshFormat::Gltf | MeshFormat::Glb) => gltf::named_files(bytes, format),
         MeshFormat::Obj
         | MeshFormat::Stl
@@ -166,6 +170,9 @@ pub fn named_files(bytes: &[u8], format: MeshFormat) -> Result<NamedFiles, MeshR
 /// # Errors
 /// When the file is incomplete; see [`MeshReadError`].
 pub fn is_whole(bytes: &[u8], format: MeshFormat) -> Result<(), MeshReadError> {
+    if bytes.is_empty() {
+        return Err(MeshReadError::EmptyFile);
+    }
     let format = format.of_content(bytes);
     foreign::check(bytes, format)?;
     match format {

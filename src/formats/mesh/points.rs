@@ -9,7 +9,9 @@ use nalgebra::{Point3, Vector3};
 use super::clues::{Clues, stated_unit, unit_word};
 use super::error::VertexPlace;
 use super::raw::is_infinite;
-use super::text::{bad_line, beginning, first_bytes, last_line, lines, no_number, number, without_mark};
+use super::text::{
+    bad_line, beginning, first_bytes, last_line, lines, no_number, number, without_mark, words,
+};
 use super::{LengthUnit, MAX_POINTS, MeshFormat, MeshReadError, RawPart, at_most};
 use crate::reason::Notice;
 
@@ -24,6 +26,8 @@ const MISSING: [&[u8]; 12] =
 const NO_DATA: [f64; 2] = [-9999.0, -99999.0];
 /// Largest deviation of a normal's length from 1.
 const UNIT_LENGTH: f64 = 0.01;
+/// Number of rows that are examined for decimal commas.
+const DECIMAL_ROWS: usize = 10;
 const FORMAT: MeshFormat = MeshFormat::Xyz;
 
 /// How numbers are written in a line.
@@ -141,7 +145,10 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
 fn checked(bytes: &[u8]) -> Result<&[u8], MeshReadError> {
     let text = without_mark(bytes);
     // UTF-16 text has zero bytes, too.
-    if text.is_empty() || text[..text.len().min(4096)].contains(&0) {
+    if text.is_empty() {
+        return Err(MeshReadError::EmptyFile);
+    }
+    if text[..text.len().min(4096)].contains(&0) {
         return Err(MeshReadError::NotThisFormat { format: FORMAT, found: first_bytes(bytes) });
     }
     Ok(text)
@@ -153,13 +160,16 @@ fn has_no_point(line: &[u8]) -> bool {
 }
 
 /// The content of the lines above the points, how the points are written, and the number of lines above them.
-fn head(text: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
+fn head(all: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
     let mut head = Head::default();
     let mut skipped = 0;
     // Depth cameras often have no measurement in the first rows.
     let (mut first_missing, mut missing) = (None, 0);
-    for (line, text) in lines(text) {
+    for (line, text) in lines(all) {
         if let Some(dialect) = Dialect::of(text).filter(|_| !has_no_point(text)) {
+            if dialect.separator == Some(b',') && has_decimal_commas(all, line) {
+                return Err(MeshReadError::DecimalCommas { line });
+            }
             let columns = Columns::of(head.names.as_deref(), dialect, text, line)?;
             return Ok((head, dialect, columns, first_missing.unwrap_or(line) as usize - 1));
         }
@@ -181,9 +191,44 @@ fn head(text: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
     if missing > 0 {
         return Err(MeshReadError::NoPoints { missing });
     }
-    let first = lines(text).map(|(_, line)| line).find(|line| !has_no_point(line)).unwrap_or_default();
-    let found = if first.is_empty() { "comments only".into() } else { first_bytes(first) };
-    Err(MeshReadError::NotThisFormat { format: FORMAT, found })
+    let few = lines(all).filter(|(_, text)| !has_no_point(text));
+    if let Some((line, columns)) =
+        few.map(|(line, text)| (line, numbers_in(text))).find(|(_, count)| *count > 0)
+    {
+        return Err(MeshReadError::TooFewColumns { line, columns });
+    }
+    if head.names.is_some() {
+        return Err(MeshReadError::NoRows { found: "a header" });
+    }
+    match lines(all).map(|(_, line)| line).find(|line| !has_no_point(line)) {
+        Some(first) => Err(MeshReadError::NotThisFormat { format: FORMAT, found: first_bytes(first) }),
+        None => Err(MeshReadError::NoRows { found: "comments" }),
+    }
+}
+
+/// How many numbers a line without a point consists of; 0 if it contains anything else.
+fn numbers_in(line: &[u8]) -> usize {
+    let counts = Dialect::ALL.into_iter().map(|dialect| {
+        let mut fields = Vec::new();
+        dialect.split(line, &mut fields);
+        let are_numbers = fields.iter().all(|field| dialect.value(field).is_some_and(f64::is_finite));
+        if are_numbers { fields.len() } else { 0 }
+    });
+    counts.max().unwrap_or_default()
+}
+
+/// Whether the lines from this one on are numbers such as `0,5`, separated by blanks, with or without another comma.
+fn has_decimal_commas(text: &[u8], first: u64) -> bool {
+    let is_decimal = |word: &[u8]| {
+        let word = word.strip_suffix(b",").unwrap_or(word);
+        let digits = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word);
+        let mut halves = digits.split(|byte| *byte == b',');
+        halves.clone().count() == 2
+            && halves.all(|half| !half.is_empty() && half.iter().all(u8::is_ascii_digit))
+    };
+    let rows = lines(text).skip_while(|(line, _)| *line < first).map(|(_, row)| row);
+    let mut rows = rows.filter(|row| !has_no_point(row)).take(DECIMAL_ROWS);
+    rows.all(|row| words(row).count() >= 3 && words(row).all(is_decimal))
 }
 
 impl Head {
@@ -259,10 +304,17 @@ impl Columns {
 }
 
 impl Dialect {
+    const ALL: [Self; 5] = [
+        Self { separator: Some(b';'), decimal_comma: true },
+        Self { separator: Some(b'\t'), decimal_comma: true },
+        Self { separator: Some(b','), decimal_comma: false },
+        Self { separator: None, decimal_comma: false },
+        Self { separator: None, decimal_comma: true },
+    ];
+
     /// How the numbers of a line are written; `None` if it does not contain three numbers.
     fn of(line: &[u8]) -> Option<Self> {
-        let all = [(Some(b';'), true), (Some(b'\t'), true), (Some(b','), false), (None, false), (None, true)];
-        all.into_iter().map(|(separator, decimal_comma)| Self { separator, decimal_comma }).find(|dialect| {
+        Self::ALL.into_iter().find(|dialect| {
             let mut fields = Vec::new();
             dialect.split(line, &mut fields);
             // An ambiguous comma separates columns only if there are numbers between the commas.
@@ -282,7 +334,7 @@ impl Dialect {
         fields.clear();
         match self.separator {
             Some(separator) => fields.extend(line.split(|&byte| byte == separator).map(<[u8]>::trim_ascii)),
-            None => fields.extend(super::text::words(line)),
+            None => fields.extend(words(line)),
         }
     }
 

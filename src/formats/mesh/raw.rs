@@ -414,7 +414,7 @@ fn bridge_notice(bridges: &[Bridge]) -> Option<Notice> {
 fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = Notice> {
     let reversed = (winding.reversed > 0).then(|| {
         let message = format!(
-            "{} of {triangles} triangles were reversed because their corners ran the other way round than those of \
+            "{} of {triangles} triangles were reversed because their corners ran the opposite way to those of \
              their neighbours; the file has no normals that show the outside",
             winding.reversed
         );

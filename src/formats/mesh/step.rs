@@ -18,7 +18,7 @@ use crate::geometry::solid::surface::Surface;
 use crate::geometry::solid::tessellation::Tessellation;
 use crate::geometry::solid::{Face, Solid};
 use crate::reason::Notice;
-use exchange::{Exchange, Record, text};
+use exchange::{Exchange, Record, check_beginning, text};
 use geometry::{Geometry, Units};
 
 /// Largest number of faces of a part, with those of repeated bodies.
@@ -74,6 +74,7 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
     if tail.windows(mark.len()).any(|window| window == mark) {
         return Ok(());
     }
+    check_beginning(bytes)?;
     let line = bytes.iter().filter(|byte| **byte == b'\n').count() as u64 + 1;
     Err(StepError { line, record: None, problem: StepProblem::CutOff }.into())
 }

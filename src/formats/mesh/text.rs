@@ -42,9 +42,6 @@ pub(super) fn beginning(text: &[u8]) -> String {
 
 /// The first bytes of a file in a readable form.
 pub(super) fn first_bytes(bytes: &[u8]) -> String {
-    if bytes.is_empty() {
-        return "nothing (it is empty)".into();
-    }
     format!("\"{}\"", bytes[..bytes.len().min(16)].escape_ascii())
 }
 

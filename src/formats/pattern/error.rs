@@ -196,6 +196,9 @@ impl EntityName {
     }
 }
 
+/// What a file without content looks like.
+pub(super) const EMPTY: &str = "it is empty";
+
 impl PatternReadError {
     /// Whether the file ends too early, so that it may still be being written.
     #[must_use]
@@ -203,10 +206,36 @@ impl PatternReadError {
         matches!(self, Self::Truncated { .. } | Self::SvgTruncated { .. } | Self::PictureTruncated { .. })
     }
 
+    /// The error as a reason about the file of this name, whose extension states what it should be.
+    pub fn reason_for(&self, file_name: &str) -> Reason {
+        let kind = match file_name
+            .rsplit_once('.')
+            .map(|(_, extension)| extension.to_ascii_lowercase())
+            .as_deref()
+        {
+            Some("png") => Some(("a PNG picture", "Save the picture as PNG again.")),
+            Some("bmp") => Some(("a BMP picture", "Save the picture as BMP again, or as PNG.")),
+            Some("svg") => Some(("an SVG drawing", "Export the drawing as plain SVG again.")),
+            _ => None,
+        };
+        let reason = match (self, kind) {
+            (Self::NotDxf { found }, Some((kind, remedy))) if found != EMPTY => {
+                // "Another" is one other than DXF.
+                let found = found.replace("another ", "a ");
+                Reason::new("pattern-not-dxf", format!("this is not {kind}: {found}"), remedy)
+            }
+            _ => self.reason(),
+        };
+        reason.in_file(file_name)
+    }
+
     /// The error as a reason: code, sentence, place, number and remedy. The caller adds the file's name.
     pub fn reason(&self) -> Reason {
         let reason = |code: &str, remedy: &str| Reason::new(code, self.to_string(), remedy);
         match self {
+            Self::NotDxf { found } if found == EMPTY => {
+                Reason::new("pattern-not-dxf", "The file is empty.", "Export or copy it again.")
+            }
             Self::NotDxf { .. } => reason(
                 "pattern-not-dxf",
                 "Export the drawing as DXF (R12 to R2018, text or binary) or plain SVG, or save the picture as PNG.",

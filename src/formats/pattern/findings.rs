@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::error::{EntityName, PatternReadError};
 use super::facts::{PatternFacts, Repair, RepairPlace, Skipped};
-use super::font::FontUses;
+use super::font::{CONVERT_TO_OUTLINES, FontUses};
 use crate::geometry::contour::{Finding, Repaired};
 use crate::geometry::pattern::{Layer, Path, SAME_POINT, Shape};
 use crate::geometry::space::Extents;
@@ -156,7 +156,8 @@ pub(super) fn drawing_notices(repaired: &Repaired, facts: &mut PatternFacts) {
     let regions = regions.collect::<std::collections::BTreeSet<_>>().len();
     if regions > 0 {
         let message = format!(
-            "{} written as outlines; to fill them, switch on filling in the marking software",
+            "{} written as outlines; to fill them evenly on the part, set `spacing_mm` under [fill] (`--fill 0.05`), otherwise hatch \
+             them in the marking software",
             counted(regions, "filled area is", "filled areas are")
         );
         facts.notices.push(Notice::note("fills-outlined", message));
@@ -214,6 +215,22 @@ pub(super) fn content(skipped: &[Skipped]) -> String {
         let parts: Vec<String> = counts.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
         format!("it contains only {}", parts.join(", "))
     }
+}
+
+/// The error for a drawing that contains only texts whose letters are in no font; `None` for any other.
+pub(super) fn only_without_font(skipped: &[Skipped]) -> Option<PatternReadError> {
+    let lost = skipped.iter().filter(|skipped| skipped.is_loss);
+    let whys: Option<std::collections::BTreeSet<&str>> =
+        lost.map(|skipped| skipped.why.strip_suffix(CONVERT_TO_OUTLINES)).collect();
+    let letters = match whys?.into_iter().collect::<Vec<_>>().as_slice() {
+        [] => return None,
+        [why] => why.strip_prefix("its ").unwrap_or(why).to_owned(),
+        _ => "letters are in no available font".to_owned(),
+    };
+    Some(PatternReadError::NothingToMark {
+        found: format!("{}, whose {letters}", content(skipped)),
+        remedy: "Convert the text to outlines in the drawing program.".into(),
+    })
 }
 
 /// The first reasons why entities were skipped.

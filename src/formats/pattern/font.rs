@@ -94,16 +94,19 @@ pub(super) fn draws_nothing(letter: char) -> bool {
     letter.is_whitespace() || is_invisible(letter)
 }
 
+/// What to do about letters that no font has, at the end of the sentence about them.
+pub(super) const CONVERT_TO_OUTLINES: &str = ": convert the text to outlines in the drawing program";
+
 /// A sentence about the letters that a font does not have; `None` if it has all of them.
 pub(super) fn missing_letters(face: Typeface, letters: impl Iterator<Item = char>) -> Option<String> {
     let mut seen = BTreeSet::new();
     let missing = letters.filter(|letter| face.glyph(*letter).is_none() && !draws_nothing(*letter));
     let missing: String = missing.filter(|letter| seen.insert(*letter)).take(12).collect();
-    (!missing.is_empty()).then(|| {
-        format!(
-            "its letters {missing} are in no available font: convert the text to outlines in the drawing program"
-        )
-    })
+    match missing.chars().count() {
+        0 => None,
+        1 => Some(format!("its letter {missing} is in no available font{CONVERT_TO_OUTLINES}")),
+        _ => Some(format!("its letters {missing} are in no available font{CONVERT_TO_OUTLINES}")),
+    }
 }
 
 static FACE: LazyLock<Option<Face<'static>>> = LazyLock::new(|| Face::parse(OUTLINES, 0).ok());

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use super::Dispatcher;
 use super::lanes::{LARGE, is_large};
-use super::outcomes::part_under_way;
 use super::threads::Running;
 use crate::config::{ConfigError, JobSettings, Sku};
 use crate::formats::Pace;
@@ -64,7 +63,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
         if let Work::Correct { sku, .. } = &work
             && self.drops.has_part(sku)
         {
-            return self.wait(path, Block::PartUnderWay, part_under_way(sku));
+            let sku = sku.clone();
+            return self.wait_for_part(path, &sku);
         }
         let (id, relative, stamp) = (DropId::hot(&drop.relative), drop.relative.clone(), drop.settle.stamp());
         let (block, large) = (drop.block, is_large(drop));

@@ -36,7 +36,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let backend = self.backend();
         self.keep_state();
         for sku in self.executor.learned_elsewhere(|sku| self.threads.are_busy_with(sku)) {
-            tracing::warn!("{sku} has a new part: another station learned it");
+            tracing::warn!("{sku} has a new part: another station fitted it");
             self.reprocessing.check(sku);
         }
         self.reprocessing.check_unreadable();
@@ -201,6 +201,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         self.next_look_at_parked = now + LOOK_AT_PARKED;
         let folders = self.folders().clone();
+        let station = self.settings.station().file.clone();
         let times = self.times();
         let silence = times.incomplete.max(times.incomplete_after_close);
         for parked::Returned { relative, overtaken } in self.executor.parking.look(&folders, silence) {
@@ -215,7 +216,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let original = Original { path: &place, content: Content::Unknown, companions: &[] };
             let reason = overtaken_by_a_newer(&drop).in_file(drop.clone());
             let parking = &self.executor.parking;
-            match filing::reject(&folders, parking, &relative, &original, &reason, |_| Ok(())) {
+            match filing::reject(&station, &folders, parking, &relative, &original, &reason, |_| Ok(())) {
                 Ok(rejected) => {
                     parked::remove_around(&place, &relative);
                     self.tally.rejected += 1;

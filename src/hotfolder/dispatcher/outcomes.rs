@@ -46,7 +46,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
             return self.finished_recorrection(sku, &delivered_as(name), outcome);
         }
         // Every other outcome may unblock other drops.
-        self.lanes.stale |= !matches!(outcome, Outcome::Delivered | Outcome::Uncertain | Outcome::Repeated);
+        self.lanes.stale |= !matches!(
+            outcome,
+            Outcome::Delivered | Outcome::Unchanged | Outcome::Uncertain | Outcome::Repeated
+        );
         match outcome {
             Outcome::Learned { absent, place } => {
                 let until = self.now() + self.times().incomplete;
@@ -64,6 +67,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.tally.delivered += u64::from(is_certain);
                 let result = if is_certain { FinishedAs::Delivered } else { FinishedAs::Uncertain };
                 self.status.finished(&running.drop, &running.work, result);
+                self.drawing_is_done(path, &running, went_along);
+            }
+            Outcome::Unchanged => {
+                self.tally.unchanged += 1;
+                self.status.finished(&running.drop, &running.work, FinishedAs::Delivered);
                 self.drawing_is_done(path, &running, went_along);
             }
             Outcome::Repeated => {
@@ -93,7 +101,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             Outcome::NoSurface(reason) => self.wait(path, Block::UnknownSku, reason),
             Outcome::PartArrived => {
                 if let Some(sku) = running.sku() {
-                    self.wait(path, Block::PartUnderWay, part_under_way(sku));
+                    self.wait_for_part(path, sku);
                 }
             }
             Outcome::PartRefused(reason) => self.retry_later(path, Obstacle::RefusedPart, reason),
@@ -147,7 +155,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         let what = reason.what.clone();
         if drop.found_incomplete(gap, reason) {
-            tracing::info!("{} is not complete yet: {what}", running.drop);
+            tracing::info!("{} waits: {}", running.drop, continued(&what));
         }
         if running.companions_arrived != self.late.companions_arrived {
             // The missing file may have arrived while this one was read.
@@ -159,6 +167,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
         match outcome {
             Outcome::Delivered => {
                 self.tally.delivered += 1;
+                self.reprocessing.forget(name);
+            }
+            Outcome::Unchanged => {
+                self.tally.unchanged += 1;
                 self.reprocessing.forget(name);
             }
             Outcome::Repeated => self.reprocessing.forget(name),
@@ -235,7 +247,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 Reason::new("sidecar-late", what, remedy)
             } else if is_list(path) {
                 let what = "The list waits for the drawing of the same name.";
-                let remedy = "Drop the drawing, such as can@logo.dxf for can@logo.csv, or remove the list. A scan has a name without @.";
+                let stem = drop.relative.with_extension("");
+                let remedy = format!(
+                    "Drop {}.dxf (or .svg), or remove the list. If this is a scan, give it a name without @.",
+                    with_slashes(&stem)
+                );
                 Reason::new("waits-for-pattern", what, remedy)
             } else if is_sidecar(path) {
                 let what = "The settings wait for the drawing of the same name.";
@@ -292,6 +308,12 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
+    /// Makes a drawing wait for the part of its SKU in the hot folder, with what that part waits for.
+    pub(super) fn wait_for_part(&mut self, path: &Path, sku: &Sku) {
+        let why = self.drops.obstacle_of_part(sku);
+        self.wait(path, Block::PartUnderWay, part_under_way(sku, why));
+    }
+
     pub(super) fn retry_later(&mut self, path: &Path, obstacle: Obstacle, reason: Reason) {
         let now = self.now();
         let once = self.mode == Mode::Once;
@@ -307,15 +329,35 @@ impl<C: Corrector> Dispatcher<'_, C> {
             && obstacle != Obstacle::SettingsBeingSaved
         {
             tracing::warn!("{message}");
+            for (waiting, sku) in self.drops.waiting_for_part(path) {
+                self.wait_for_part(&waiting, &sku);
+            }
         }
     }
 }
 
-pub(super) fn part_under_way(sku: &Sku) -> Reason {
-    let what = format!("The drawing waits until the part of {sku} is complete and fitted.");
-    Reason::new(
-        "waits-for-part",
-        what,
-        "`isomark status` shows whether the part itself waits, and for what. If its copy stopped, copy it again.",
-    )
+/// A sentence behind a colon: without its capital, unless its first word is a name, and without its full stop.
+fn continued(sentence: &str) -> String {
+    let text = sentence.trim_end_matches('.');
+    let first_word = text.split(' ').next().unwrap_or_default();
+    let is_word = !first_word.contains('.') && first_word.chars().skip(1).all(char::is_lowercase);
+    match text.chars().next().filter(|_| is_word) {
+        Some(first) => first.to_lowercase().chain(text.chars().skip(1)).collect(),
+        None => text.to_owned(),
+    }
+}
+
+/// The reason of a drawing that waits for the part of its SKU; with `why`, the part itself waits.
+fn part_under_way(sku: &Sku, why: Option<(String, Reason)>) -> Reason {
+    let what = format!("The drawing waits until the part of SKU `{sku}` is complete and fitted");
+    match why {
+        Some((part, why)) => {
+            let what = format!("{what}; {part} waits, too: {}", why.what);
+            Reason { what, code: "waits-for-part".into(), ..why }
+        }
+        None => {
+            let remedy = "`isomark status` shows whether the part itself waits, and for what. If its copy stopped, copy it again.";
+            Reason::new("waits-for-part", format!("{what}."), remedy)
+        }
+    }
 }

@@ -88,7 +88,12 @@ impl<C: Corrector> Executor<'_, C> {
         };
         drawing.log(how, &made.summary, previous.as_deref());
         let unfiled = drawing.unfiled(how, made, before.map(|before| before.import));
-        self.finish(&drawing.ready, unfiled)
+        // BeamServer may have imported it only now.
+        let is_unchanged = how == How::Unchanged && task.station.delivery.kind == DeliveryKind::Folder;
+        Ok(match self.finish(&drawing.ready, unfiled)? {
+            Outcome::Delivered if is_unchanged => Outcome::Unchanged,
+            outcome => outcome,
+        })
     }
 
     /// Makes the drawing of this name wait if there is no surface.
@@ -99,7 +104,7 @@ impl<C: Corrector> Executor<'_, C> {
             return Err(EarlyEnd::Outcome(Outcome::PartRefused(reason)));
         }
         if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
-            let what = format!("The drawing waits for a part: {sku} has no surface yet.");
+            let what = format!("The drawing waits for a part: the SKU `{sku}` has no surface yet.");
             let mut remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             let known: Vec<String> = filing::known_skus(&task.station.folders).into_iter().collect();
             let near: Vec<&str> =

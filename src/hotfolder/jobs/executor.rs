@@ -153,7 +153,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         warn_if_not_noted(self.journal().learned(&task.drop, sku.as_str(), &original));
         self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner).remove(sku);
         let took = started.elapsed().as_millis();
-        tracing::info!("{name} is now the part of {sku} ({took} ms): {summary}");
+        tracing::info!("{name} is now the part of SKU `{sku}` ({took} ms): {summary}");
         let place = archived.parent().unwrap_or(&archived).to_path_buf();
         Ok(Outcome::Learned { absent: read.absent.clone(), place })
     }

@@ -213,8 +213,9 @@ pub(crate) fn known_skus(folders: &FolderPaths) -> BTreeSet<String> {
 }
 
 /// Moves an original that cannot be processed into the rejected folder, with the reason beside it. The reason is
-/// written first, so that every rejected file has one. `before` is called with the new path before the file is moved.
+/// written first, so that every rejected file has one; it names the `station`'s file. `before` is called with the new path before the file is moved.
 pub(crate) fn reject(
+    station: &Path,
     folders: &FolderPaths,
     parking: &Parking,
     relative: &Path,
@@ -238,7 +239,7 @@ pub(crate) fn reject(
     };
     let drop = with_slashes(relative);
     let json = reason.to_json(Some(&drop))?;
-    let text = reason_text(file_name, &on_one_line(&drop), original, reason);
+    let text = reason_text(station, file_name, &on_one_line(&drop), original, reason);
     write_whole(&place, &format!("{stem}.reason.json"), json.as_bytes())?;
     write_whole(&place, &format!("{stem}.reason.txt"), text.as_bytes())?;
     before(&place.join(file_name))?;
@@ -260,7 +261,13 @@ pub(crate) fn reason_name(name: &str) -> String {
 }
 
 /// The text beside a rejected original: the reason, and how to try again.
-fn reason_text(file_name: &OsStr, drop: &str, original: &Original, reason: &Reason) -> String {
+fn reason_text(
+    station: &Path,
+    file_name: &OsStr,
+    drop: &str,
+    original: &Original,
+    reason: &Reason,
+) -> String {
     let beside = original.companions.iter().map(|companion| name_beside(&companion.path, file_name));
     let settings: String = beside
         .filter(|name| is_sidecar(Path::new(name)) && is_drawing(&file_name.to_string_lossy()))
@@ -269,11 +276,34 @@ fn reason_text(file_name: &OsStr, drop: &str, original: &Original, reason: &Reas
         })
         .collect();
     format!(
-        "{drop} was rejected.\n\n{}\n\n{settings}To try again: correct {drop} and drop it again. If only settings were \
-         wrong, correct them and run `isomark retry STATION.toml {}`.\n",
+        "{drop} was rejected.\n\n{}\n\n{settings}To try again: {}\n",
         reason.to_text(),
-        quoted(drop)
+        next_step(station, drop, original, reason)
     )
+}
+
+/// What to do after a rejection, as a sentence or two.
+fn next_step(station: &Path, drop: &str, original: &Original, reason: &Reason) -> String {
+    if reason.code == "unknown-kind" {
+        return "drop a file of another format.".to_owned();
+    }
+    // The reason is read later, in another folder.
+    let station = std::path::absolute(station).unwrap_or_else(|_| station.into());
+    let [station, name] = [&*station.to_string_lossy(), drop].map(quoted);
+    let retry = on_one_line(&format!("run `isomark retry {station} {name}`"));
+    let wrong = reason.place.file.as_deref().map(Path::new).filter(|file| is_sidecar(file));
+    let Some(wrong) = wrong else {
+        return format!(
+            "correct {drop} and drop it again. If only settings were wrong, correct them and {retry}."
+        );
+    };
+    let is_beside =
+        original.companions.iter().any(|companion| companion.path.file_name() == wrong.file_name());
+    let shown = match wrong.file_name().filter(|_| is_beside) {
+        Some(name) => format!("{} in this folder", name.to_string_lossy()),
+        None => wrong.display().to_string(),
+    };
+    format!("correct {}, then {retry}.", on_one_line(&shown))
 }
 
 /// The place before a free one: the folder itself, or the previous numbered folder in it.
@@ -479,6 +509,48 @@ mod tests {
         assert_eq!(place("can.glb", &[]), "can.glb");
     }
 
+    const STATION: &str = "station.toml";
+
+    #[test]
+    fn the_reason_names_the_file_to_correct_and_the_command() {
+        let folder = tempfile::tempdir().unwrap();
+        let folders = folders_in(folder.path());
+        fs::create_dir_all(&folders.hot).unwrap();
+        let station = std::path::absolute(STATION).unwrap();
+        let retry = format!("run `isomark retry {} can@1.dxf`.", quoted(&station.to_string_lossy()));
+        let beside = folders.hot.join("can@1.toml").display().to_string();
+        for (code, file, step) in [
+            (
+                "asked",
+                "can@1.dxf",
+                format!(
+                    "correct can@1.dxf and drop it again. If only settings were wrong, correct them and {retry}"
+                ),
+            ),
+            ("asked", &beside, format!("correct can@1.toml in this folder, then {retry}")),
+            ("asked", "skus/can.toml", format!("correct skus/can.toml, then {retry}")),
+            ("unknown-kind", "can@1.dxf", "drop a file of another format.".to_owned()),
+        ] {
+            let path = folders.hot.join("can@1.dxf");
+            fs::write(&path, "drawing").unwrap();
+            fs::write(&beside, "settings").unwrap();
+            let settings = [Beside::at(Path::new(&beside)).unwrap()];
+            let original = Original { path: &path, content: Content::Unknown, companions: &settings };
+            let reason = Reason::new(code, "As asked.", "Ask for something else.").in_file(file);
+            let place = reject(
+                STATION.as_ref(),
+                &folders,
+                &Parking::default(),
+                Path::new("can@1.dxf"),
+                &original,
+                &reason,
+                |_| Ok(()),
+            );
+            let text = fs::read_to_string(place.unwrap().with_file_name("can@1.dxf.reason.txt")).unwrap();
+            assert!(text.ends_with(&format!("To try again: {step}\n")), "{text}");
+        }
+    }
+
     #[test]
     fn a_reason_never_overwrites_a_rejected_scan_of_its_name() {
         let folder = tempfile::tempdir().unwrap();
@@ -489,7 +561,16 @@ mod tests {
             let path = folders.hot.join(name);
             fs::write(&path, name).unwrap();
             let original = Original { path: &path, content: Content::Unknown, companions: &[] };
-            reject(&folders, &Parking::default(), Path::new(name), &original, &reason, |_| Ok(())).unwrap()
+            reject(
+                STATION.as_ref(),
+                &folders,
+                &Parking::default(),
+                Path::new(name),
+                &original,
+                &reason,
+                |_| Ok(()),
+            )
+            .unwrap()
         };
         let scan = reject_drop("can.glb.reason.txt");
         let part = reject_drop("can.glb");
@@ -539,7 +620,15 @@ mod tests {
         let original = Original { path: &path, content: Content::Seen(stamp), companions: &[] };
         let reason = Reason::new("asked", "As asked.", "Ask for something else.");
         let parking = Parking::default();
-        let rejected = reject(&folders, &parking, Path::new("can.dxf"), &original, &reason, |_| Ok(()));
+        let rejected = reject(
+            STATION.as_ref(),
+            &folders,
+            &parking,
+            Path::new("can.dxf"),
+            &original,
+            &reason,
+            |_| Ok(()),
+        );
         assert_eq!(rejected.unwrap_err().kind(), io::ErrorKind::Interrupted);
         assert_eq!(fs::read_to_string(&path).unwrap(), "another");
         assert_eq!(fs::read_dir(&folders.rejected).unwrap().count(), 0);
@@ -556,8 +645,16 @@ mod tests {
         let reject_drop = || {
             let (bytes, stamp) = read_whole(&path).unwrap().unwrap();
             let original = Original { path: &path, content: Content::Read(&bytes, stamp), companions: &[] };
-            reject(&folders, &Parking::default(), Path::new("can.dxf"), &original, &reason, |_| Ok(()))
-                .unwrap()
+            reject(
+                STATION.as_ref(),
+                &folders,
+                &Parking::default(),
+                Path::new("can.dxf"),
+                &original,
+                &reason,
+                |_| Ok(()),
+            )
+            .unwrap()
         };
         for (round, place) in ["can.dxf", "(2)/can.dxf", "(3)/can.dxf"].into_iter().enumerate() {
             fs::write(&path, format!("{round}")).unwrap();

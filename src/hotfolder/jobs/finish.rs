@@ -180,7 +180,15 @@ impl<C: Corrector> Executor<'_, C> {
             let to = with_slashes(rejected.strip_prefix(&folders.rejected).unwrap_or(rejected));
             self.journal().rejected(drop, &reason.code, &to, part_of)
         };
-        let rejected = filing::reject(folders, &self.parking, &task.relative, &original, &reason, note);
+        let rejected = filing::reject(
+            &task.station.file,
+            folders,
+            &self.parking,
+            &task.relative,
+            &original,
+            &reason,
+            note,
+        );
         let rejected = match rejected {
             // The file was written again.
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => return Ok(Outcome::Changed),

@@ -123,7 +123,7 @@ fn with_companions(
     });
     let sidecar = match intake.sidecar.clone() {
         Some(path) if intake.settling.contains(&path) => {
-            missing = Some((sidecar_settles(&file.name), true));
+            missing = Some((sidecar_settles(&path), true));
             None
         }
         Some(path) => read_sidecar(path)?,
@@ -131,7 +131,7 @@ fn with_companions(
     };
     let list = match intake.list.clone() {
         Some(path) if intake.settling.contains(&path) => {
-            missing = Some((list_settles(&file.name), true));
+            missing = Some((list_settles(&path), true));
             None
         }
         Some(path) => read_list(path)?,
@@ -258,12 +258,14 @@ fn companion_short(part: &str, companion: &Companion, size: u64) -> Reason {
     reason.with_number("size", size as f64, "bytes", Some(companion.bytes as f64))
 }
 
-fn list_settles(pattern: &str) -> Reason {
-    let what = format!("A program may still be writing the list beside {pattern}.");
+fn list_settles(list: &Path) -> Reason {
+    let name = list.file_name().unwrap_or_default().to_string_lossy();
+    let what = format!("Its list {name} may still be being written.");
     Reason::new("sidecar-settling", what, "Wait: isomark reads it again.")
 }
 
-fn sidecar_settles(pattern: &str) -> Reason {
-    let what = format!("A program may still be writing the settings beside {pattern}.");
+fn sidecar_settles(settings: &Path) -> Reason {
+    let name = settings.file_name().unwrap_or_default().to_string_lossy();
+    let what = format!("Its settings {name} may still be being written.");
     Reason::new("sidecar-settling", what, "Wait: isomark reads them again.")
 }

@@ -162,8 +162,9 @@ impl<C: Corrector> Executor<'_, C> {
         drop(journal);
         if let Some(older) = older {
             tracing::warn!(
-                "the serial numbers of {sku} start again at {}: `start` under [serial] was {older} before. Numbers from there on that \
-                 were marked before are marked again",
+                "the serial numbers of {sku} start again at {}: `start` under [serial] was {older} before. Numbers from {} on may \
+                 be marked a second time",
+                serial.start,
                 serial.start
             );
         }

@@ -98,7 +98,7 @@ pub fn return_rejected(
                 let remedy = match others.iter().find(without_ending) {
                     Some(drop) => {
                         format!(
-                            "Did you mean `{}`? Give the whole file name with its ending.",
+                            "Did you mean `{}`? Give the whole file name with its extension.",
                             on_one_line(drop)
                         )
                     }

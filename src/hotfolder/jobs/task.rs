@@ -126,8 +126,10 @@ pub(crate) struct End {
 pub(crate) enum Outcome {
     /// A part was learned; missing companions that it names may be moved to `place` later.
     Learned { absent: Vec<PathBuf>, place: PathBuf },
-    /// A drawing was delivered, or is already in the import folder.
+    /// A drawing was delivered.
     Delivered,
+    /// The drawing was delivered before and is unchanged in the import folder; its original was filed.
+    Unchanged,
     /// A drawing was filed, but may not have been delivered.
     Uncertain,
     /// A drawing was not delivered again.

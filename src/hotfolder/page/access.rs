@@ -123,6 +123,15 @@ fn read_password(source: &PasswordSource) -> Result<String, Reason> {
     }
 }
 
+/// Why browsers could not enter the password; a variable that is not set here may be set for the station.
+#[cfg(feature = "cli")]
+pub(crate) fn password_trouble(source: &PasswordSource) -> Option<Reason> {
+    match source {
+        PasswordSource::Variable(name) if std::env::var_os(name).is_none() => None,
+        source => read_password(source).err(),
+    }
+}
+
 fn read_start(file: &std::path::Path) -> std::io::Result<String> {
     use std::io::Read;
     let mut text = String::new();

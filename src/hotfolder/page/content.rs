@@ -285,7 +285,7 @@ fn now(status: &Status, state: State, rejected: &InRejected) -> Now {
     let rejections = rejected.count.map_or("–".to_owned(), |count| count.to_string());
     let done = &status.done;
     for (place, class, count, text) in [
-        ("waiting", if at_work > 0 { "busy" } else { "" }, at_work.to_string(), "in work"),
+        ("waiting", if at_work > 0 { "busy" } else { "" }, at_work.to_string(), "in progress"),
         (
             "waiting",
             if waits > 0 { "warn" } else { "" },
@@ -305,7 +305,7 @@ fn now(status: &Status, state: State, rejected: &InRejected) -> Now {
     time(&mut markup, &status.since);
     let _ = writeln!(
         markup,
-        ": {} delivered, {} rejected, {} {parts} learned. {} rejected in the last hour.</p>",
+        ": {} delivered, {} rejected, {} {parts} fitted. {} rejected in the last hour.</p>",
         done.delivered, done.rejected, done.learned, done.rejected_last_hour
     );
     Now { word, markup }
@@ -353,7 +353,7 @@ fn finished_row(body: &mut Markup, id: &str, finished: &Finished, has_files: boo
         FinishedAs::DeliveredAgain => ("good", "Delivered again"),
         FinishedAs::Repeated => ("", "Delivered before"),
         FinishedAs::Uncertain => ("warn", "Perhaps not delivered"),
-        FinishedAs::Learned => ("good", "Part learned"),
+        FinishedAs::Learned => ("good", "Part fitted"),
         FinishedAs::HandedOver => ("", "Handed over"),
     };
     let shown = safe(name);
@@ -393,7 +393,7 @@ fn explained(body: &mut Markup, drop: &str, reason: &Reason) {
     if !facts.is_empty() {
         body.raw("<p class=\"quiet\">").text(&facts.join("; ")).raw("</p>");
     }
-    body.raw("<p><b>To do:</b> ").text(&reason.remedy).raw("</p>");
+    body.raw("<p><b>What to do:</b> ").text(&reason.remedy).raw("</p>");
 }
 
 /// The constant frame of the page, with its content security policy.

@@ -34,7 +34,7 @@ pub(super) fn fleet(status: &Status) -> Markup {
     }
     body.raw(
         "<div class=\"wide\" tabindex=\"0\" role=\"group\" aria-labelledby=\"h-fleet\"><table><thead><tr><th scope=\"col\">Station</th>\
-         <th scope=\"col\">State</th><th scope=\"col\">Waiting</th><th scope=\"col\">Delivered</th><th scope=\"col\">Learned</th>\
+         <th scope=\"col\">State</th><th scope=\"col\">Waiting</th><th scope=\"col\">Delivered</th><th scope=\"col\">Fitted</th>\
          <th scope=\"col\">Rejected</th><th scope=\"col\">Program</th></tr></thead><tbody>\n",
     );
     stations.iter().for_each(|station| row(&mut body, station));

@@ -57,6 +57,12 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// Threads that read files and folders; there, a share that does not answer delays only the page.
 const READERS: usize = 4;
 
+/// Why the page could not be opened: its password cannot be read or is too short.
+#[cfg(feature = "cli")]
+pub(crate) fn page_trouble(page: &PageSettings) -> Option<Reason> {
+    page.password.as_ref().and_then(access::password_trouble)
+}
+
 /// The page of a station, as the station uses it.
 pub(crate) struct Page {
     settings: PageSettings,

@@ -294,6 +294,28 @@ impl Drops {
         Some(free.max(drop.settle.due(times)))
     }
 
+    /// The part of the SKU with what it waits for, if it waits for more than its own rest.
+    pub(crate) fn obstacle_of_part(&self, sku: &Sku) -> Option<(String, Reason)> {
+        let waits = |drop: &&Drop| match drop.block {
+            Block::Until { obstacle, .. } => obstacle != Obstacle::SettingsBeingSaved,
+            _ => false,
+        };
+        let is_part = |drop: &&Drop| matches!(&drop.meaning, Ok(Meaning::Part(of)) if of == sku);
+        let part = self.all.values().filter(is_part).find(waits)?;
+        Some((with_slashes(&part.relative), part.last_reason.clone()?))
+    }
+
+    /// The patterns that wait for the part at `path`, with its SKU.
+    pub(crate) fn waiting_for_part(&self, path: &Path) -> Vec<(PathBuf, Sku)> {
+        let Some(Ok(Meaning::Part(sku))) = self.all.get(path).map(|part| &part.meaning) else {
+            return Vec::new();
+        };
+        let waiting = self.all.iter().filter(|(_, drop)| drop.block == Block::PartUnderWay);
+        let of_sku = waiting
+            .filter(|(_, drop)| matches!(&drop.meaning, Ok(Meaning::Pattern { sku: of, .. }) if of == sku));
+        of_sku.map(|(path, _)| (path.clone(), sku.clone())).collect()
+    }
+
     /// The SKUs that patterns wait for.
     pub(crate) fn awaited(&self) -> BTreeSet<Sku> {
         let waiting = self.all.values().filter(|drop| drop.block == Block::UnknownSku);

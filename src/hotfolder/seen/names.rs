@@ -22,6 +22,15 @@ use crate::reason::Reason;
 /// Extensions of files that belong to a part, in lower case.
 const COMPANION_EXTENSIONS: &[&str] = &["bin", "mtl", "jpg", "jpeg", "webp", "ktx2"];
 
+/// Extensions of drawings that isomark does not read, in lower case.
+const UNREAD_DRAWINGS: &[&str] = &["ai", "cdr", "dwf", "dwg", "dxb", "emf", "eps", "pdf", "plt", "ps", "wmf"];
+
+/// Extensions of pictures that isomark does not read, in lower case.
+const UNREAD_PICTURES: &[&str] = &["gif", "heic", "jpeg", "jpg", "psd", "tif", "tiff", "webp", "xcf"];
+
+/// Extensions of archives, in lower case.
+const ARCHIVES: &[&str] = &["7z", "gz", "rar", "tar", "tgz", "zip"];
+
 /// The file in a SKU's archive folder that contains the path of its part, relative to that folder, with `/`.
 pub const CURRENT_PART: &str = "current-part.txt";
 
@@ -192,6 +201,18 @@ fn unknown_kind(name: &str, extension: &str) -> Reason {
             format!("A .{extension} file is in a format that isomark does not read."),
             format!("{export}, in a program that opens the file, such as FreeCAD."),
         )
+    } else if UNREAD_DRAWINGS.contains(&extension) {
+        (
+            format!("isomark does not read .{extension} files."),
+            "Export the drawing as .dxf or .svg.".to_owned(),
+        )
+    } else if UNREAD_PICTURES.contains(&extension) {
+        (format!("isomark does not read .{extension} files."), "Save the picture as .png or .bmp.".to_owned())
+    } else if ARCHIVES.contains(&extension) {
+        (
+            format!("isomark does not read .{extension} files."),
+            "Unpack the file, and drop the parts and drawings in it.".to_owned(),
+        )
     } else if extension == "svgz" {
         (
             "A .svgz file is a compressed drawing, which isomark does not read.".to_owned(),
@@ -314,8 +335,19 @@ mod tests {
         let unread = meaning(Path::new("can.IGES")).unwrap_err();
         assert_eq!(unread.what, "A .iges file is in a format that isomark does not read.");
         assert!(unread.remedy.contains(".step, .glb, .gltf, .obj, .stl"));
-        let unknown = meaning(Path::new("can.pdf")).unwrap_err();
-        assert_eq!(unknown.what, "A .pdf file is neither a part nor a drawing.");
+        for (name, remedy) in [
+            ("can.PDF", "Export the drawing as .dxf or .svg."),
+            ("can@logo.dwg", "Export the drawing as .dxf or .svg."),
+            ("can@logo.jpg", "Save the picture as .png or .bmp."),
+            ("can.zip", "Unpack the file, and drop the parts and drawings in it."),
+        ] {
+            let reason = meaning(Path::new(name)).unwrap_err();
+            let extension = name.rsplit_once('.').unwrap().1.to_lowercase();
+            assert_eq!(reason.what, format!("isomark does not read .{extension} files."));
+            assert_eq!(reason.remedy, remedy);
+        }
+        let unknown = meaning(Path::new("can.doc")).unwrap_err();
+        assert_eq!(unknown.what, "A .doc file is neither a part nor a drawing.");
         assert!(unknown.remedy.contains(".glb, .gltf, .obj, .stl") && unknown.remedy.contains(".dxf"));
     }
 }

@@ -274,6 +274,11 @@ impl Parking {
         self.all().len()
     }
 
+    /// A folder with parked files.
+    pub(crate) fn folder(&self) -> Option<PathBuf> {
+        self.all().first().and_then(|parked| parked.folder.parent()).map(Path::to_path_buf)
+    }
+
     /// Whether no file is parked.
     pub(crate) fn is_empty(&self) -> bool {
         self.all().is_empty()

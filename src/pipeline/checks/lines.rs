@@ -18,7 +18,7 @@ pub(in crate::pipeline) fn close_lines(
     if let Some(at) = found.twice_at.filter(|_| found.twice > settings.pattern.overlap) {
         let text = format!(
             "{:.2} mm of lines are on other lines and are marked twice, first near ({:.2}, {:.2}) mm of the placed drawing; \
-             remove the copies",
+             remove the copies, or join shapes that share an edge",
             found.twice, at.x, at.y
         );
         notices.push(Notice::warning("marked-twice", text).at_places(lift.point(map.point(at))));

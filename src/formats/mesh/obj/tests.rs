@@ -182,7 +182,8 @@ fn files_without_faces_name_the_likely_cause() {
     assert_eq!(cause("v 0 0 0\nv 1 0 0\nl 1 2\n"), EmptyCause::OnlyOthers(vec!["1 x line (l)".into()]));
     assert_eq!(cause(PLATE), EmptyCause::Nothing);
     assert_eq!(cause("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"), EmptyCause::Flat);
-    for foreign in [&b""[..], b"solid can\nfacet normal 0 0 1\n", b"ISO-10303-22;\n", b"v 0 0 0\0\0"] {
+    assert_eq!(read_obj(b"").unwrap_err(), MeshReadError::EmptyFile);
+    for foreign in [&b"solid can\nfacet normal 0 0 1\n"[..], b"ISO-10303-22;\n", b"v 0 0 0\0\0"] {
         let refused = read_obj(foreign);
         assert!(matches!(refused, Err(MeshReadError::NotThisFormat { .. })), "{refused:?}");
     }

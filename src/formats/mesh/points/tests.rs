@@ -55,6 +55,42 @@ fn three_columns_of_unit_length_are_normals_and_colours_are_not() {
 }
 
 #[test]
+fn lists_without_points_state_what_they_lack() {
+    for (text, line, columns, what) in [
+        ("1\n2\n", 1, 1, "The list of points has 1 column; it needs x, y and z."),
+        ("# scan\nx y\n1.5 2\n3 4\n", 3, 2, "The list of points has 2 columns; it needs x, y and z."),
+        ("1;2\n", 1, 2, "The list of points has 2 columns; it needs x, y and z."),
+        ("0,5 1,5\n", 1, 2, "The list of points has 2 columns; it needs x, y and z."),
+    ] {
+        let error = problem(text);
+        assert_eq!(error, MeshReadError::TooFewColumns { line, columns }, "{text:?}");
+        assert_eq!(error.reason().what, what);
+        assert_eq!(error.reason().remedy, "Export the scan again with one point per line: x, y, z.");
+    }
+    for (text, what) in [
+        ("x,y,z\n", "The list of points has a header but no points."),
+        ("# made by a scanner\n", "The list of points has comments but no points."),
+    ] {
+        let reason = problem(text).reason();
+        assert_eq!((reason.code.as_str(), reason.what.as_str()), ("scan-empty", what));
+    }
+}
+
+#[test]
+fn decimal_commas_between_commas_are_refused_and_between_blanks_are_read() {
+    for text in ["0,5, 0,1, 0,0\n1,5, 0,1, 0,0\n", "x y z\n-0,5, 0,1, 0,0, 7,5\n"] {
+        let reason = problem(text).reason();
+        assert_eq!(reason.code, "mesh-line-invalid");
+        assert_eq!(reason.what, "The numbers seem to have decimal commas.");
+        assert_eq!(reason.remedy, "Export the scan with decimal points.");
+    }
+    for text in ["0,5 0,1 0,0\n", "0,5;0,1;0,0\n", "0.5, 0.1, 0.0\n", "0.5,0.1,0.0\n"] {
+        assert_eq!(points(text), [[0.5, 0.1, 0.0]], "{text:?}");
+    }
+    assert_eq!(points("1,2, 3,4, 5,6\n1, 2, 3\n"), [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]);
+}
+
+#[test]
 fn errors_are_reported_with_their_line() {
     for (text, line) in [
         ("1 2 3\n4 5\n6 7 8\n", 2),
@@ -69,8 +105,11 @@ fn errors_are_reported_with_their_line() {
     assert!(is_whole(b"1 2 3\n4 5 6").is_ok() && is_whole(b"1 2 3\n4 5 6\n").is_ok());
     assert!(matches!(problem("nan nan nan\n1 nan 2\n"), MeshReadError::NoPoints { missing: 2 }));
     assert!(matches!(problem("ncols 3\nnrows 2\n1 2 3\n4 5 6\n"), MeshReadError::BadHeader { line: 1, .. }));
-    for text in ["", "\u{feff}", "name;price\nscrew;3\n", "\u{0}\u{1}", "hello world"] {
+    for text in ["name;price\nscrew;3\n", "\u{0}\u{1}", "hello world"] {
         assert!(matches!(problem(text), MeshReadError::NotThisFormat { .. }), "{text:?}");
+    }
+    for text in ["", "\u{feff}"] {
+        assert_eq!(problem(text), MeshReadError::EmptyFile, "{text:?}");
     }
     let wide: Vec<u8> = "1 2 3\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
     assert!(matches!(problem([b"\xFF\xFE", &wide[..]].concat()), MeshReadError::NotThisFormat { .. }));

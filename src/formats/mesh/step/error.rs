@@ -125,15 +125,13 @@ pub enum StepProblem {
 impl StepProblem {
     /// Whether no line is its place.
     pub(crate) fn is_of_the_whole_file(&self) -> bool {
-        matches!(self, Self::NoFaces { .. } | Self::Elsewhere { .. })
+        matches!(self, Self::NotStep { .. } | Self::NoFaces { .. } | Self::Elsewhere { .. })
     }
 
     /// What helps.
     pub(crate) fn remedy(&self) -> &'static str {
         match self {
-            Self::NotStep { .. } => {
-                "export the part as STEP again, and keep the file name ending that the program gave it"
-            }
+            Self::NotStep { .. } => "export the part as STEP again",
             Self::CutOff => "wait until the export has finished, then copy the file again",
             Self::NoFaces { .. } => {
                 "select the solid before exporting; sketches, points and tessellations have no exact faces"

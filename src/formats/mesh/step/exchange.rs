@@ -7,6 +7,23 @@ const MAX_DEPTH: usize = 32;
 /// Largest number of records.
 const MAX_RECORDS: usize = 20_000_000;
 
+/// The beginning of every STEP file.
+const MARK: &[u8] = b"ISO-10303-21";
+
+/// Checks the beginning of a file that has no end; one that is too short to be recognised passes, and so do zeros, which some
+/// programs write before the content.
+///
+/// # Errors
+/// If it does not begin as STEP files do.
+pub(super) fn check_beginning(bytes: &[u8]) -> Result<(), StepError> {
+    let file = Exchange { bytes, index: Vec::new(), header: Vec::new() };
+    let at = file.skip_blank(bytes.strip_prefix(b"\xEF\xBB\xBF").map_or(0, |_| 3))?;
+    let found = &bytes[at..bytes.len().min(at + MARK.len())];
+    let may_be_step = MARK.starts_with(found) || found.starts_with(&[0]);
+    let problem = || StepProblem::NotStep { found: file.shown(at) };
+    if may_be_step { Ok(()) } else { Err(file.error(at, None, problem())) }
+}
+
 /// A STEP file with an index of its records.
 #[derive(Debug)]
 pub(super) struct Exchange<'a> {
@@ -64,7 +81,7 @@ impl<'a> Exchange<'a> {
         let mut file = Self { bytes, index: Vec::new(), header: Vec::new() };
         let mut at = bytes.strip_prefix(b"\xEF\xBB\xBF").map_or(0, |_| 3);
         at = file.skip_blank(at)?;
-        if !bytes[at..].starts_with(b"ISO-10303-21") {
+        if !bytes[at..].starts_with(MARK) {
             return Err(file.error(at, None, StepProblem::NotStep { found: file.shown(at) }));
         }
         at = file.statement_end(at, None)? + 1;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::super::content::{FieldUse, FoundField};
 use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::{LayerFacts, PatternFacts, Repair, RepairPlace, Skipped};
-use super::super::findings::{MAX_PLACES, content, counted, reasons};
+use super::super::findings::{MAX_PLACES, content, counted, only_without_font, reasons};
 use super::super::reading::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
@@ -232,6 +232,9 @@ pub(super) fn look_notices(
 
 /// The error for a drawing without paths, with the most likely cause.
 pub(super) fn nothing_to_mark(structure: &Structure, skipped: &[Skipped]) -> PatternReadError {
+    if let Some(error) = only_without_font(skipped) {
+        return error;
+    }
     let by_inkscape = producer(structure).is_some_and(|producer| producer.starts_with("Inkscape"));
     let remedy = if skipped.is_empty() && by_inkscape {
         "Convert live text with Path > Object to Path and export again: Inkscape skips it without a warning."

@@ -2,7 +2,7 @@
 //!
 //! The scan copies nothing: a value is a range of the file's bytes and is parsed as text or number on demand.
 
-use super::super::error::{PatternReadError, Spot};
+use super::super::error::{EMPTY, PatternReadError, Spot};
 use super::code_page::{CodePage, unescaped};
 
 /// Largest size of a file, bytes.
@@ -278,7 +278,7 @@ pub(super) fn kind_of(code: i32) -> Option<Kind> {
 fn appearance(bytes: &[u8]) -> String {
     let text = bytes.trim_ascii_start();
     let seems = match bytes {
-        _ if text.is_empty() => return "it is empty".into(),
+        _ if text.is_empty() => return EMPTY.into(),
         _ if bytes.starts_with(b"AC10") => {
             let version = String::from_utf8_lossy(&bytes[..6.min(bytes.len())]);
             return format!("it seems to be a DWG file ({version}); DXF is needed");

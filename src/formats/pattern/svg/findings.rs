@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::{LayerFacts, PatternFacts, Skipped};
-use super::super::findings::{content, counted, reasons};
+use super::super::findings::{content, counted, only_without_font, reasons};
 use super::super::reading::Strokes;
 use super::walk::{Drawn, LAYER_COLOR, Remarks};
 use crate::geometry::pattern::Path;
@@ -37,7 +37,7 @@ pub(super) fn look_notices(remarks: &Remarks, strokes: Strokes, facts: &mut Patt
     let mut add = |notice: Notice| facts.notices.push(notice);
     if let (Some((width, widest)), Strokes::Center) = (&remarks.widest, strokes) {
         let message = format!(
-            "{} marked along the centre line; the widest is {width:.3} mm ({widest}); to mark strokes in their width, give \
+            "{} marked along the centre line; the widest is {width:.3} mm ({widest}); to mark strokes at their full width, give \
              `--strokes band` (`strokes` under [pattern])",
             counted(remarks.strokes, "stroke is", "strokes are"),
         );
@@ -84,6 +84,9 @@ pub(super) fn look_notices(remarks: &Remarks, strokes: Strokes, facts: &mut Patt
 
 /// The error for a drawing without paths, with the most likely cause.
 pub(super) fn nothing_to_mark(skipped: &[Skipped]) -> PatternReadError {
+    if let Some(error) = only_without_font(skipped) {
+        return error;
+    }
     let remedy = match skipped.is_empty() {
         true => {
             "Check that this is the right file; draw what is to be marked as paths, shapes or text.".into()

@@ -15,7 +15,7 @@ pub enum ScanError {
         needed: usize,
     },
     /// All points are in one place or in one line, as the laser sees them.
-    #[error("all points of the scan are in a strip of {width} x {length} mm, as the laser sees them")]
+    #[error("all points of the scan are in a strip of {width:.1} x {length:.1} mm, as the laser sees them")]
     NoArea {
         /// Width of the strip, mm.
         width: f64,
