@@ -106,7 +106,7 @@ fn the_part_that_was_learned_last_stays_also_if_its_rival_is_announced_later() {
     other.waits_for_fleet(1);
     let learns = |station: &Station, depth: f64, times: usize| {
         station.drop_in("trough.obj", &trough(depth));
-        station.waits_for("the part", |station| station.logged("is now the part of trough") == times);
+        station.waits_for("the part", |station| station.logged("is now the part of SKU `trough`") == times);
     };
     let agreed = || server.sql("isomark", "SELECT blake3 FROM isomark.current_part WHERE sku = 'trough'");
     let everywhere = |depth: f64| {

@@ -66,7 +66,7 @@ fn a_part_that_one_station_learned_is_known_to_all() {
 fn a_dropped_part_uses_the_fit_of_another_station() {
     let Some((server, _desk, [one, two])) = two_stations() else { return };
     one.drop_in("trough.obj", &trough(1.0));
-    one.waits_for("the part", |one| one.logged("is now the part of trough") == 1);
+    one.waits_for("the part", |one| one.logged("is now the part of SKU `trough`") == 1);
     waits_for("the fit", || server.sql("isomark", "SELECT count(*) FROM isomark.fit") == "1", || one.log());
     two.drop_in("trough.obj", &trough(1.0));
     two.waits_for("the part", |two| two.logged("already known") == 1);
@@ -182,7 +182,8 @@ fn stations_that_learn_parts_at_the_same_time_agree() {
             station.drop_in("trough.obj", &trough(1.0 + round as f64 * 0.1 + index as f64 * 0.01));
         }
         for station in &stations {
-            station.waits_for("the part", |station| station.logged("is now the part of trough") > round);
+            station
+                .waits_for("the part", |station| station.logged("is now the part of SKU `trough`") > round);
         }
     }
     let agreed = || server.sql("isomark", "SELECT blake3 FROM isomark.current_part WHERE sku = 'trough'");

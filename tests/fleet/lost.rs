@@ -108,7 +108,7 @@ fn a_station_that_joins_brings_the_parts_that_it_learned_before() {
     one.start();
     for (sku, depth) in [("trough", 1.0), ("gutter", 1.4)] {
         one.drop_in(&format!("{sku}.obj"), &trough(depth));
-        one.waits_for("the part", |one| one.logged(&format!("is now the part of {sku}")) == 1);
+        one.waits_for("the part", |one| one.logged(&format!("is now the part of SKU `{sku}`")) == 1);
     }
     one.kill();
     one.set("laser1", &in_fleet(&server.url("laser1")));

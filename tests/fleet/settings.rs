@@ -296,12 +296,10 @@ fn a_local_change_is_kept_beside_and_replaced() {
         entities(&station, "can.dxf"),
         "the release was used for both"
     );
-    assert_eq!(
-        station.logged("using the changed settings of SKU `can`: placement.rotate_deg"),
-        0,
-        "{}",
-        station.log()
-    );
+    for degrees in [20, 40, 50] {
+        let used = format!("using the changed settings of SKU `can`: placement.rotate_deg = {degrees}");
+        assert_eq!(station.logged(&used), 0, "{}", station.log());
+    }
     assert_eq!(station.status()["outdated"]["count"], 0);
     // Half a file, as an editor writes it, is kept when it is complete: nothing is lost.
     proxy.pass();

@@ -40,7 +40,7 @@ fn a_station_is_seen_with_its_figures_until_it_stops() {
     station.stop();
     assert!(is_seen("stopped"), "{}", stations(&server, &desk));
     let words = fleet(&desk, &["status", &server.url("owner")]).out;
-    assert!(words.contains("laser 1: stopped; 1 delivered, 1 learned"), "{words}");
+    assert!(words.contains("laser 1: stopped; 1 delivered, 1 fitted"), "{words}");
 }
 
 #[test]
