@@ -493,8 +493,8 @@ fn entities(records: &str) -> String {
 #[test]
 fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_reported() {
     let desk = Desk::new();
-    desk.write("ball.obj", &ball());
-    desk.write("ring.dxf", &entities("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n20\n"));
+    desk.write("ball.obj", ball());
+    desk.write("ring.dxf", entities("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n20\n"));
     let dots = |step: f64| {
         let dot = |index: i32| {
             let [x, y] = [index % 7 - 3, index / 7 - 3].map(|place| f64::from(place) * step);
@@ -502,8 +502,8 @@ fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_repor
         };
         entities(&(0..49).map(dot).collect::<String>())
     };
-    desk.write("dots.dxf", &dots(5.0));
-    desk.write("near.dxf", &dots(1.0));
+    desk.write("dots.dxf", dots(5.0));
+    desk.write("near.dxf", dots(1.0));
     let corrected = |drawing: &str, options: &str| {
         let options = format!("--part-unit mm --part-up z --facing +z --place 0,0 {options}");
         let [part, drawing] =
@@ -531,7 +531,7 @@ fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_repor
     let frame =
         "0\nLWPOLYLINE\n8\n0\n90\n4\n70\n1\n10\n-9\n20\n-5\n10\n9\n20\n-5\n10\n9\n20\n5\n10\n-9\n20\n5\n";
     let hatch = "0\nSOLID\n8\n0\n10\n-2\n20\n-2\n11\n2\n21\n-2\n12\n-2\n22\n2\n13\n2\n23\n2\n";
-    desk.write("frame.dxf", &entities(&format!("{frame}{hatch}")));
+    desk.write("frame.dxf", entities(&format!("{frame}{hatch}")));
     let (report, codes) = corrected("frame.dxf", "--fill 0.1");
     let area = report["fill"]["area_mm2"].as_f64().unwrap();
     assert!(has(&codes, "fill-in-outline") && (area - 164.0).abs() < 1.5, "{area} mm²: {codes:?}");
