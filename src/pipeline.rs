@@ -87,6 +87,9 @@ const QUICK_WORK: usize = 200_000;
 /// The size of an older drawing that can be compared in a quick job, bytes.
 const QUICK_BYTES: usize = 2 << 20;
 
+/// Distances that change by less than this share do not change.
+const LEAST_CHANGE: f64 = 1e-4;
+
 /// Stands between the program and the SKU in a corrected drawing's first comment.
 const CORRECTED_FOR: &str = ", corrected for SKU ";
 /// The second comment of a frame drawing.
@@ -365,7 +368,8 @@ impl Pipeline {
                 let height = |at| surface.sampled_height(at);
                 distances(&placed, &is_ink, &|at| map.point(at), &height)
             })
-            .flatten();
+            .flatten()
+            .filter(|found| found.worst.share().abs() >= LEAST_CHANGE);
         clock.lap("measure distances");
 
         steps.at(Step::Write);
@@ -432,7 +436,10 @@ impl Pipeline {
             repair.notice.clone().at_places(shown.filter_map(on_part))
         }));
         let landmarks = with_pictures.then(|| landmarks::landmarks(lift, map, exposure, &after, settings));
-        notices.extend(facts.notices.iter().cloned());
+        let is_filled = settings.fill.spacing.is_some();
+        notices.extend(
+            facts.notices.iter().filter(|notice| !(is_filled && notice.code == "fills-outlined")).cloned(),
+        );
         notices.sort_by_key(|notice| std::cmp::Reverse(notice.severity));
 
         let mut timings = learned.timings.clone();
@@ -537,11 +544,7 @@ fn method(settings: &JobSettings) -> Method {
     let options = match correction.weighting {
         Weighting::Ink => match correction.aim {
             Aim::Balanced => IsometricOptions::INK,
-            // With a fill, the outlines are filled.
-            Aim::Lengths => IsometricOptions {
-                are_outlines_areas: settings.fill.spacing.is_some(),
-                ..IsometricOptions::LENGTHS
-            },
+            Aim::Lengths => IsometricOptions::LENGTHS,
             Aim::Areas => IsometricOptions::AREAS,
             Aim::Shapes => IsometricOptions::SHAPES,
         }

@@ -306,7 +306,7 @@ pub struct Quality {
     pub before: Option<DistortionReport>,
     /// With the correction.
     pub after: DistortionReport,
-    /// How distances between the marks change, with the correction; absent on planes, cylinders and cones, where they do not, for
+    /// How distances between the marks change, with the correction; absent where they do not, as on planes, cylinders and cones, for
     /// marks round a part, and without two marks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distances: Option<DistancesReport>,
@@ -711,8 +711,9 @@ impl Report {
         ));
         if let Some(distances) = &self.quality.distances {
             lines.push(format!(
-                "distances     between marks change by {:.2} % on average, at most by {:+.1} %: {:.2} mm are {:.2} mm",
+                "distances     between marks change by {:.2} % on average, the most of {} measured by {:+.1} %: {:.2} mm are {:.2} mm",
                 distances.mean_change * 100.0,
+                distances.measured,
                 distances.largest_change * 100.0,
                 distances.drawn_mm,
                 distances.marked_mm,

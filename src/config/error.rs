@@ -305,7 +305,11 @@ impl ConfigError {
         let (key, value) = excerpt.line.split_once('=')?;
         let inner = value.trim_start().strip_prefix(['"', '\''])?.split(['"', '\'']).next()?.trim();
         let needed = match () {
-            () if message.ends_with("expected a number") && inner.parse::<f64>().is_ok() => "a number",
+            () if message.ends_with("expected a number")
+                && inner.parse::<f64>().is_ok_and(f64::is_finite) =>
+            {
+                "a number"
+            }
             () if message.ends_with("expected a whole number") && inner.parse::<u64>().is_ok() => {
                 "a whole number"
             }

@@ -3,12 +3,14 @@
 //! The length-true map keeps lines and areas, and the empty space between them gives way. A person who measures from one line
 //! to the next sees that.
 
+use std::collections::BTreeSet;
+
 use nalgebra::Point3;
 use spade::{DelaunayTriangulation, HasPosition, Triangulation};
 
 use super::ink::stations;
-use super::pattern::{Pattern, Shape};
-use super::space::{FlatPoint, ViewPoint};
+use super::pattern::{Path, Pattern, Shape};
+use super::space::{Extents, FlatPoint, ViewPoint};
 
 /// Number of places between which distances are measured.
 const PLACES: usize = 400;
@@ -128,8 +130,7 @@ fn landmarks(pattern: &Pattern, is_marked: &dyn Fn(&str) -> bool) -> Vec<Landmar
     let inked = pattern.paths.iter().enumerate();
     let inked: Vec<_> =
         inked.filter(|(_, path)| is_ink.get(path.layer).is_some_and(|is_ink| *is_ink)).collect();
-    let every = inked.len().div_ceil(PLACES / 2).max(1);
-    let chosen: Vec<_> = inked.into_iter().step_by(every).collect();
+    let chosen = chosen(inked);
     let total: f64 = chosen.iter().map(|(_, path)| length(&stations(&path.shape, f64::INFINITY))).sum();
     let apart = (total / (PLACES / 2) as f64).max(SHORTEST);
     let mut landmarks = Vec::new();
@@ -154,6 +155,49 @@ fn landmarks(pattern: &Pattern, is_marked: &dyn Fn(&str) -> bool) -> Vec<Landmar
     landmarks
 }
 
+/// The paths between which distances are measured: all, or of many the longest, and of the others one in each cell of a grid.
+/// They are the same in whatever order the paths are.
+fn chosen(mut paths: Vec<(usize, &Path)>) -> Vec<(usize, &Path)> {
+    const EACH: usize = PLACES / 4;
+    if paths.len() <= 2 * EACH {
+        return paths;
+    }
+    let box_of = |path: &Path| match path.shape {
+        Shape::Dot(at) => Extents::of([at.coords()]),
+        _ => Extents::of(path.shape.segments().iter().flat_map(|segment| {
+            let of_segment = segment.extents();
+            [of_segment.min, of_segment.max]
+        })),
+    };
+    let boxes: Vec<Extents> = paths.iter().map(|(_, path)| box_of(path)).collect();
+    let all = Extents::of(boxes.iter().flat_map(|path| [path.min, path.max]));
+    let key = |index: usize| {
+        let of_path: &Extents = &boxes[index];
+        (of_path.size().norm(), of_path.min)
+    };
+    let mut order: Vec<usize> = (0..paths.len()).collect();
+    order.sort_by(|&one, &other| {
+        let ((size, min), (other_size, other_min)) = (key(one), key(other));
+        let by_place = min.x.total_cmp(&other_min.x).then(min.y.total_cmp(&other_min.y));
+        other_size.total_cmp(&size).then(by_place)
+    });
+    let side = (EACH as f64).sqrt().floor();
+    let cell = |index: usize| {
+        let at = boxes[index].center() - all.min;
+        let share =
+            |at: f64, size: f64| if size > 0.0 { (side * at / size).min(side - 1.0) as usize } else { 0 };
+        [share(at.x, all.size().x), share(at.y, all.size().y)]
+    };
+    let mut is_taken = BTreeSet::new();
+    let mut is_chosen = vec![false; paths.len()];
+    for (rank, index) in order.into_iter().enumerate() {
+        is_chosen[index] = rank < EACH || is_taken.insert(cell(index));
+    }
+    let mut is_chosen = is_chosen.into_iter();
+    paths.retain(|_| is_chosen.next().unwrap_or_default());
+    paths
+}
+
 /// The length of a polyline, mm.
 fn length(points: &[FlatPoint]) -> f64 {
     points.windows(2).map(|ends| ends[0].distance(ends[1])).sum()
@@ -164,7 +208,7 @@ mod tests {
     use nalgebra::Vector2;
 
     use super::*;
-    use crate::geometry::pattern::{Color, Layer, Path, Segment, Source};
+    use crate::geometry::pattern::{Color, Layer, Segment, Source};
 
     fn drawing(shapes: Vec<Shape>) -> Pattern {
         let path =
@@ -207,6 +251,29 @@ mod tests {
         assert!((found.worst.drawn - 20.0 * 0.2f64.sin()).abs() < 1e-3, "{found:?}");
         assert!(found.worst.at.distance(FlatPoint::new(9.8, 0.0)) < 0.01, "{found:?}");
         assert!((found.worst.share() + 0.5).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn of_many_paths_the_same_are_measured_in_any_order() {
+        let line = |x: f64, length: f64| {
+            Shape::Open(vec![Segment::Line {
+                from: FlatPoint::new(x, -length),
+                to: FlatPoint::new(x, length),
+            }])
+        };
+        let grid = (0..8).map(|index| line(f64::from(index) * 5.0, 20.0));
+        let small =
+            (0..900).map(|index| line(f64::from(index % 30) * 1.1 + 0.3, 0.01 + 1e-6 * f64::from(index)));
+        let shapes: Vec<Shape> = grid.chain(small).collect();
+        let bent = |at: FlatPoint| FlatPoint::new(at.x + 0.02 * at.x * at.x, at.y);
+        let forwards = measured(&drawing(shapes.clone()), bent).unwrap();
+        let backwards = measured(&drawing(shapes.into_iter().rev().collect()), bent).unwrap();
+        assert!(
+            (forwards.worst.share() - backwards.worst.share()).abs() < 1e-6,
+            "{forwards:?} {backwards:?}"
+        );
+        // Between the last two lines of the grid.
+        assert!(forwards.worst.share() > 1.0, "{forwards:?}");
     }
 
     #[test]

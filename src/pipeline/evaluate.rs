@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::mapped_ink::measured;
 use super::placing::PlacedPattern;
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
-use super::{checks, chords, hash, method, program, weights};
+use super::{checks, chords, fill, hash, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::correction::Projection;
@@ -234,7 +234,8 @@ fn row(
     let label = label(settings, &variant);
     clock.lap("measure");
     let method = only.map_or_else(|| method(settings), mapping::Method::Isometric);
-    let map = LengthTrueMap::find(surface, pattern, is_ink, placing.place, &method);
+    let marked = fill::as_marked(pattern, settings);
+    let map = LengthTrueMap::find(surface, &marked, is_ink, placing.place, &method);
     clock.lap(&format!("map {label}"));
     let map_ms = clock.laps.last().map_or(0.0, |lap| lap.ms);
     let empty = EvaluationRow {

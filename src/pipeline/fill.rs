@@ -1,10 +1,11 @@
 //! The fill of a job: its lines in the corrected drawing, its report, and what a person should know of it.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use super::checks;
 use super::landmarks::Lift;
-use super::{JobSettings, MarkingDrawing, Pattern, Projection};
+use super::{Aim, JobSettings, MarkingDrawing, Pattern, Projection};
 use crate::geometry::fill::{self, FillError, FillLine, FillOptions, Filling};
 use crate::geometry::marking::{MarkingPath, MarkingShape};
 use crate::geometry::pattern::{Layer, Path, Segment, Shape, Source};
@@ -39,6 +40,25 @@ pub(super) struct Filled {
 /// The chord tolerance for the lines of the drawing itself, mm.
 pub(super) fn tolerance(settings: &JobSettings) -> f64 {
     settings.correction.tolerance * if settings.fill.spacing.is_some() { CONTOUR_SHARE } else { 1.0 }
+}
+
+/// The placed drawing as the laser marks it: where the fill fills outlines, they bound regions as hatches do.
+pub(super) fn as_marked<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<'a, Pattern> {
+    if settings.fill.spacing.is_none() || settings.correction.aim != Aim::Lengths {
+        return Cow::Borrowed(placed);
+    }
+    let unused =
+        placed.paths.iter().filter_map(|path| path.region).max().map_or(0, |last| last.saturating_add(1));
+    let mut marked = placed.clone();
+    for path in &mut marked.paths {
+        let layer = placed.layers.get(path.layer).map_or("", |layer| layer.name.as_str());
+        let is_filled = settings.pattern.counts_as_ink(layer) && settings.fill.includes(layer);
+        if is_filled && path.region.is_none() && path.is_contour() && !path.source.is_stroke {
+            // The outlines of a layer bound one region together.
+            path.region = Some(unused.saturating_add(path.layer as u32));
+        }
+    }
+    Cow::Owned(marked)
 }
 
 /// Adds the lines of the fill to the corrected drawing, on their own layers after everything else. `turn` is the direction of the
@@ -240,7 +260,7 @@ fn contours(
             "{what}. To fill these instead, put the outline on another layer and name the layers to fill (`layers` under [fill])"
         );
         let places = unfilled.iter().filter_map(|at| place(*at));
-        notices.push(Notice::note("fill-in-outline", message).at_places(places));
+        notices.push(Notice::warning("fill-in-outline", message).at_places(places));
     }
     let crossings = fill::self_crossings(placed, is_filled);
     if let Some(first) = crossings.first() {

@@ -1,6 +1,7 @@
 //! Placing a drawing on a part: where its anchor lands, which way it is turned, and the map that follows.
 
 use super::content::{self, PlacedCode};
+use super::fill;
 use super::progress::Steps;
 use super::{
     Clock, LearnedPart, PatternInput, Pipeline, PipelineError, QUICK_WORK, Step, WORK_OF_PIECE, checks,
@@ -63,8 +64,9 @@ impl Pipeline {
         };
         let find = |pattern: &PlacedPattern| {
             let place = pattern.placing.place;
-            let found = learned.recent.map(&pattern.placed, is_ink, place, method, || {
-                LengthTrueMap::find(&part.surface, &pattern.placed, is_ink, place, &method)
+            let marked = fill::as_marked(&pattern.placed, settings);
+            let found = learned.recent.map(&marked, is_ink, place, method, || {
+                LengthTrueMap::find(&part.surface, &marked, is_ink, place, &method)
             });
             found.map_err(|error| {
                 rejected(

@@ -268,7 +268,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "distance-changes",
-        "The distance between two marks is another one on the part than in the drawing.",
+        "The distance between two marks differs between part and drawing.",
         "On a part that is curved in two directions, no map keeps everything. isomark keeps the lengths of lines and the sizes and \
          shapes of areas, and the empty space between them gives way: gaps, and distances from letter to letter or from dot to \
          dot. `quality.distances` in the report has the mean and the largest change.",
@@ -833,9 +833,9 @@ const CODES: &[Code] = &[
         "lengths-traded",
         "The correction makes the lines less true than they are without it.",
         "On a part that is curved in two directions, the sizes of areas, their shapes and the lengths of lines cannot all be kept. \
-         With the aim `balanced`, an outline counts as the area that it encloses. A large ring that lies round the top of a \
+         With the aim `balanced`, an outline is treated as the area that it encloses. A large ring round the top of a \
          sphere has its true length without a correction, but it encloses more than the drawn area.",
-        "For true lines, set `aim = \"lengths\"` under [correction] (`--aim lengths`): then outlines that nothing fills are \
+        "For truer lines, try `aim = \"lengths\"` under [correction] (`--aim lengths`): then outlines that nothing fills are \
          lines. For true areas, leave it as it is.",
     ]),
     reason([

@@ -231,8 +231,8 @@ fn a_drawing_names_what_its_part_waits_for() {
     station.desk.write("hot/trough.obj", PART);
     station.copy_into(&drawing("square"), "trough.dxf");
     let output = station.once();
-    let both = "The drawing waits until the part of SKU `trough` is complete and fitted; trough.obj waits, too: There is no key \
-                `facign` here.";
+    let both = "The drawing waits until the part of SKU `trough` is complete and fitted. The part trough.obj waits, too: there is no \
+                key `facign` here.";
     assert!(output.out.contains(&format!("trough.dxf: {both}")), "{output:?}");
     assert!(output.err.contains(both), "{output:?}");
     let status = status(&station).to_string();

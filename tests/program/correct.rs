@@ -528,6 +528,13 @@ fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_repor
     let (report, codes) = corrected("ring.dxf", "--aim lengths --fill 0.2");
     assert!(has(&codes, "lengths-traded") && length_error(&report) > 1.0, "{codes:?}");
 
+    // On a layer that is not filled, it stays a line.
+    let square =
+        "0\nLWPOLYLINE\n8\nLOGO\n90\n4\n70\n1\n10\n-2\n20\n-2\n10\n2\n20\n-2\n10\n2\n20\n2\n10\n-2\n20\n2\n";
+    desk.write("layers.dxf", entities(&format!("0\nCIRCLE\n8\nCUT\n10\n0\n20\n0\n40\n20\n{square}")));
+    let (report, codes) = corrected("layers.dxf", "--aim lengths --fill 0.2 --set fill.layers=[\"LOGO\"]");
+    assert!(!has(&codes, "lengths-traded") && length_error(&report) < 0.15, "{codes:?}");
+
     let frame =
         "0\nLWPOLYLINE\n8\n0\n90\n4\n70\n1\n10\n-9\n20\n-5\n10\n9\n20\n-5\n10\n9\n20\n5\n10\n-9\n20\n5\n";
     let hatch = "0\nSOLID\n8\n0\n10\n-2\n20\n-2\n11\n2\n21\n-2\n12\n-2\n22\n2\n13\n2\n23\n2\n";

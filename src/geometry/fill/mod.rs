@@ -33,6 +33,12 @@ const SIDE: f64 = 0.5;
 const STEP: f64 = 0.1;
 /// Places at which the spacing is measured.
 const PLACES: f64 = 5000.0;
+/// Outlines are only lines round regions that cover this share of their inside, holes included …
+const COVERED: f64 = 0.8;
+/// … and whose contours are at most this many times as large: others surround the outline.
+const LARGER: f64 = 1.05;
+/// With more pairs of outlines and regions than this, outlines are not compared with regions.
+const MOST_PAIRS: usize = 20_000_000;
 /// A spacing that deviates by more than this share is uneven.
 pub const EVEN: f64 = 0.01;
 /// Share of the spacing by which a line may deviate from the true curve between its points.
@@ -162,25 +168,102 @@ pub fn self_crossings(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Ve
 /// Where hatches, letters and other regions on filled layers are inside outlines that are filled too, and so stay unfilled: the
 /// start of each region, mm.
 pub fn regions_in_outlines(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<FlatPoint> {
-    let groups = bounding_paths(pattern, is_filled);
-    let mut outlines: BTreeMap<usize, Vec<(Extents, Vec<FlatPoint>)>> = BTreeMap::new();
-    for ((layer, _), paths) in groups.iter().filter(|((_, region), _)| region.is_none()) {
-        let bounding = paths.iter().filter(|path| bounds_an_area(path));
-        let flattened = bounding.map(|path| path.shape.flattened(CONTOUR * 10.0));
-        let with_extents =
-            flattened.map(|points| (Extents::of(points.iter().map(|point| point.coords())), points));
-        outlines.insert(*layer, with_extents.collect());
+    let mut starts = Vec::new();
+    for (_, outlines) in layers_of(pattern, is_filled) {
+        let (regions, outlines): (Vec<Outline>, Vec<Outline>) =
+            outlines.into_iter().partition(|outline| outline.region.is_some());
+        if regions.len().saturating_mul(outlines.len()) > MOST_PAIRS {
+            continue;
+        }
+        let boxes: Vec<Extents> = outlines.iter().map(Outline::extents).collect();
+        for region in regions.chunk_by(|one, other| one.region == other.region) {
+            let start = region[0].points[0];
+            let around = outlines.iter().zip(&boxes).filter(|(outline, extents)| {
+                extents.contains(start.coords()) && is_inside(start, &outline.points)
+            });
+            if around.count() % 2 == 1 {
+                starts.push(start);
+            }
+        }
     }
-    let regions = groups.iter().filter(|((_, region), _)| region.is_some());
-    let inside = regions.filter_map(|((layer, _), paths)| {
-        let start = paths.first()?.shape.segments().first()?.start();
-        let around = outlines
-            .get(layer)?
-            .iter()
-            .filter(|(extents, points)| extents.contains(start.coords()) && is_inside(start, points));
-        (around.count() % 2 == 1).then_some(start)
-    });
-    inside.collect()
+    starts
+}
+
+/// The contours of the fill, layer by layer.
+fn layers_of(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<(usize, Vec<Outline>)> {
+    let mut layers: Vec<(usize, Vec<Outline>)> = Vec::new();
+    for ((layer, region), paths) in bounding_paths(pattern, is_filled) {
+        let bounding = paths.into_iter().filter(|path| bounds_an_area(path));
+        let outlines = bounding.map(|path| Outline {
+            region,
+            color: path.color,
+            points: divided(&path.shape.flattened(CONTOUR)),
+        });
+        let outlines = outlines.filter(|outline| outline.points.len() > 2);
+        match layers.last_mut() {
+            Some((last, all)) if *last == layer => all.extend(outlines),
+            _ => layers.push((layer, outlines.collect())),
+        }
+    }
+    layers.retain(|(_, outlines)| !outlines.is_empty());
+    layers.iter_mut().for_each(|(_, outlines)| drop_covered(outlines));
+    layers
+}
+
+/// Removes the outlines whose inside is nearly covered by regions, with all outlines in them: they frame these, as an outline
+/// round two hatches does.
+fn drop_covered(outlines: &mut Vec<Outline>) {
+    let (mut frames, regions): (Vec<usize>, Vec<usize>) =
+        (0..outlines.len()).partition(|index| outlines[*index].region.is_none());
+    if frames.is_empty()
+        || regions.is_empty()
+        || frames.len().saturating_mul(frames.len() + regions.len()) > MOST_PAIRS
+    {
+        return;
+    }
+    let boxes: Vec<Extents> = outlines.iter().map(Outline::extents).collect();
+    let size = |index: &usize| boxes[*index].size().norm();
+    frames.sort_by(|one, other| size(other).total_cmp(&size(one)));
+    // The outermost outlines, each with those inside it.
+    let mut nests: Vec<Vec<usize>> = Vec::new();
+    for frame in frames {
+        let at = outlines[frame].points[0];
+        let around = nests
+            .iter_mut()
+            .find(|nest| boxes[nest[0]].contains(at.coords()) && is_inside(at, &outlines[nest[0]].points));
+        match around {
+            Some(nest) => nest.push(frame),
+            None => nests.push(vec![frame]),
+        }
+    }
+    let mut is_covered = vec![false; outlines.len()];
+    for nest in nests {
+        let frame = nest[0];
+        let outer = &boxes[frame];
+        let meets = |index: &usize| {
+            let other = &boxes[*index];
+            (0..2).all(|axis| other.min[axis] <= outer.max[axis] && other.max[axis] >= outer.min[axis])
+                && size(index) <= LARGER * size(&frame)
+        };
+        // Each contour of a region for itself: holes belong to what is framed.
+        let inside = regions.iter().copied().filter(meets);
+        let inside: Vec<Outline> = inside
+            .zip(0..)
+            .map(|(index, number)| Outline { region: Some(number), ..outlines[index].clone() })
+            .collect();
+        if inside.is_empty() {
+            continue;
+        }
+        let frame = [outlines[frame].clone()];
+        let [framed, filled] = [&frame[..], &inside[..]].map(scan::area);
+        let either = scan::area(&[&frame[..], &inside[..]].concat());
+        let common = (framed + filled - either) / 2.0;
+        if common >= COVERED * framed {
+            nest.iter().for_each(|&index| is_covered[index] = true);
+        }
+    }
+    let mut is_covered = is_covered.into_iter();
+    outlines.retain(|_| !is_covered.next().unwrap_or_default());
 }
 
 /// Whether a point is inside a closed polyline, by the even-odd rule.
@@ -200,8 +283,9 @@ fn bounds_an_area(path: &Path) -> bool {
 }
 
 /// Fills the contours on layers for which `is_filled` is true, by the even-odd rule; an area that several regions of a layer
-/// cover is filled once. Regions inside outlines that are filled too, as letters in a frame, stay unfilled: otherwise nobody
-/// would see them. An outline that repeats the boundary of a region changes nothing. Strokes of letters and patterns are lines, also where they close. `None` if nothing is enclosed.
+/// cover is filled once. Regions inside outlines that are filled too, as letters in a frame, stay unfilled: the whole frame
+/// would be one block. An outline that regions cover nearly is only a line. Strokes of letters and patterns are lines, also
+/// where they close. `None` if nothing is enclosed.
 ///
 /// # Errors
 /// See [`FillError`].
@@ -211,27 +295,11 @@ pub fn fill(
     projection: &Projection<'_>,
     options: &FillOptions,
 ) -> Result<Option<Filling>, FillError> {
-    let groups = bounding_paths(pattern, is_filled);
-    let mut layers: Vec<(usize, Vec<Outline>)> = Vec::new();
-    let mut contours = BTreeMap::new();
-    for ((layer, region), mut paths) in groups {
-        paths.retain(|path| bounds_an_area(path));
-        if paths.is_empty() {
-            continue;
-        }
-        if layers.last().is_none_or(|(last, _)| *last != layer) {
-            layers.push((layer, Vec::new()));
-        }
-        let outlines = paths.iter().map(|path| Outline {
-            region,
-            color: path.color,
-            points: divided(&path.shape.flattened(CONTOUR)),
-        });
-        let outlines: Vec<Outline> = outlines.filter(|outline| outline.points.len() > 2).collect();
-        let points: Vec<Vec<FlatPoint>> = outlines.iter().map(|outline| outline.points.clone()).collect();
-        contours.insert((layer, region), points);
-        if let Some((_, all)) = layers.last_mut() {
-            all.extend(outlines);
+    let layers = layers_of(pattern, is_filled);
+    let mut contours: BTreeMap<(usize, Option<u32>), Vec<Vec<FlatPoint>>> = BTreeMap::new();
+    for (layer, outlines) in &layers {
+        for outline in outlines {
+            contours.entry((*layer, outline.region)).or_default().push(outline.points.clone());
         }
     }
     let corners = contours.values().flatten().flatten().map(|point| point.coords());
@@ -244,7 +312,7 @@ pub fn fill(
         let side = (size.x * size.y / number).sqrt().max(size.max() / number);
         squares_filled(&contours, &extents, side)
     };
-    let area = layers.iter().map(|(_, outlines)| scan::area(outlines, &extents)).sum::<f64>();
+    let area = layers.iter().map(|(_, outlines)| scan::area(outlines)).sum::<f64>();
     let families = options.angles.len().max(1) as f64;
     let length = families * area / options.spacing;
     let too_much = |pieces: usize| Err(FillError::TooMuch { length, pieces });

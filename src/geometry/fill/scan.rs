@@ -9,10 +9,12 @@ use crate::geometry::space::{Extents, FlatPoint};
 /// Pieces shorter than this are not marked, mm.
 const SHORTEST: f64 = 0.005;
 
-/// Number of rows along which areas are measured.
-const ROWS: usize = 4096;
+/// Greatest number of rows along which areas are measured, and about the greatest number of contours that they cross in all.
+const MOST_ROWS: f64 = 20_000.0;
+const MOST_CROSSINGS: f64 = 2e7;
 
 /// A contour of filled regions: points so close that the distance is linear between them.
+#[derive(Debug, Clone)]
 pub(super) struct Outline {
     /// The fill that it bounds with others by the even-odd rule.
     pub(super) region: Option<u32>,
@@ -22,6 +24,10 @@ pub(super) struct Outline {
 }
 
 impl Outline {
+    pub(super) fn extents(&self) -> Extents {
+        Extents::of(self.points.iter().map(|point| point.coords()))
+    }
+
     pub(super) fn sides(&self) -> impl Iterator<Item = (FlatPoint, FlatPoint)> {
         self.points.iter().copied().zip(self.points.iter().copied().cycle().skip(1))
     }
@@ -152,38 +158,61 @@ fn inside(line: &[Crossing], outlines: &[Outline], intervals: &mut Vec<Interval>
     }
 }
 
-/// The filled area, mm², from the lengths inside along [`ROWS`] rows of the drawing.
-pub(super) fn area(outlines: &[Outline], extents: &Extents) -> f64 {
-    let (bottom, height) = (extents.min.y, extents.size().y / ROWS as f64);
-    let mut crossings: Vec<Vec<(f64, Option<u32>)>> = vec![Vec::new(); ROWS];
+/// The filled area, mm²: the sum of the lengths inside along rows of the drawing. Between the heights of all corners if there
+/// are few of them, which is exact where contours do not cross; else [`MOST_ROWS`] or fewer, at uneven heights, so that no
+/// periodic drawing is in step with them.
+pub(super) fn area(outlines: &[Outline]) -> f64 {
+    let mut sides: Vec<(FlatPoint, FlatPoint, Option<u32>)> = Vec::new();
     for outline in outlines {
-        for (from, to) in outline.sides() {
-            let (low, high) = if from.y < to.y { (from, to) } else { (to, from) };
-            let first = |y: f64| (((y - bottom) / height - 0.5).ceil().max(0.0) as usize).min(ROWS);
-            for row in first(low.y)..first(high.y) {
-                let share = (bottom + (row as f64 + 0.5) * height - low.y) / (high.y - low.y);
-                crossings[row].push((low.x + (high.x - low.x) * share, outline.region));
-            }
-        }
+        let upwards = outline.sides().map(|(from, to)| if from.y < to.y { (from, to) } else { (to, from) });
+        sides.extend(upwards.map(|(low, high)| (low, high, outline.region)));
     }
-    let mut length = 0.0;
+    sides.retain(|(low, high, _)| low.y < high.y);
+    sides.sort_unstable_by(|a, b| a.0.y.total_cmp(&b.0.y).then(a.0.x.total_cmp(&b.0.x)));
+    let mut heights: Vec<f64> = sides.iter().flat_map(|(low, high, _)| [low.y, high.y]).collect();
+    heights.sort_unstable_by(f64::total_cmp);
+    heights.dedup();
+    let (Some(bottom), Some(top)) = (heights.first().copied(), heights.last().copied()) else { return 0.0 };
+    let crossed: f64 = sides.iter().map(|(low, high, _)| high.y - low.y).sum::<f64>() / (top - bottom);
+    let most = (MOST_CROSSINGS / crossed.max(1.0)).clamp(256.0, MOST_ROWS) as usize;
+    let rows: Vec<(f64, f64)> = if heights.len() <= most {
+        heights.windows(2).map(|ends| ((ends[0] + ends[1]) / 2.0, ends[1] - ends[0])).collect()
+    } else {
+        let height = (top - bottom) / most as f64;
+        // Multiples of the golden ratio are spread evenly, and never periodic.
+        let place = |row: usize| row as f64 + (row as f64 * 0.618_033_988_749_895).fract();
+        (0..most).map(|row| (bottom + place(row) * height, height)).collect()
+    };
+    let (mut area, mut next) = (0.0, 0);
+    let mut active: Vec<usize> = Vec::new();
+    let mut crossings: Vec<(f64, Option<u32>)> = Vec::new();
     let mut regions: Vec<Option<u32>> = Vec::new();
-    for row in &mut crossings {
-        row.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for (y, height) in rows {
+        while sides.get(next).is_some_and(|(low, ..)| low.y <= y) {
+            active.push(next);
+            next += 1;
+        }
+        active.retain(|&side| sides[side].1.y > y);
+        crossings.clear();
+        crossings.extend(active.iter().map(|&side| {
+            let (low, high, region) = sides[side];
+            (low.x + (high.x - low.x) * ((y - low.y) / (high.y - low.y)), region)
+        }));
+        crossings.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         regions.clear();
         let mut last = 0.0;
-        for (at, region) in row.iter() {
+        for &(at, region) in &crossings {
             if is_filled(&regions) {
-                length += at - last;
+                area += (at - last) * height;
             }
-            match regions.iter().position(|inside| inside == region) {
+            match regions.iter().position(|inside| *inside == region) {
                 Some(position) => drop(regions.swap_remove(position)),
-                None => regions.push(*region),
+                None => regions.push(region),
             }
-            last = *at;
+            last = at;
         }
     }
-    length * height
+    area
 }
 
 /// A part of a line that is too close to a contour: its number, start and end.

@@ -390,3 +390,46 @@ fn an_outline_that_repeats_the_boundary_of_a_region_changes_nothing() {
         assert!(pairs.into_iter().all(|((_, one), (_, other))| (one - other).abs() < 1e-6));
     }
 }
+
+#[test]
+fn outlines_round_regions_that_nearly_fill_them_are_lines() {
+    // Two adjoining hatches in a frame, a hatch a little smaller than its outline, and one of a ring.
+    let half = |left: f64, right: f64, region| of_region(rectangle(left, -5.0, right, 5.0), region);
+    let halves = vec![rectangle(-10.0, -5.0, 10.0, 5.0), half(-10.0, 0.0, 1), half(0.0, 10.0, 2)];
+    let inset = vec![rectangle(-10.0, -5.0, 10.0, 5.0), of_region(rectangle(-9.8, -4.8, 9.8, 4.8), 1)];
+    let ring = vec![
+        circle(0.0, 0.0, 8.0),
+        circle(0.0, 0.0, 6.0),
+        of_region(circle(0.0, 0.0, 7.9), 1),
+        of_region(circle(0.0, 0.0, 6.1), 1),
+    ];
+    for (paths, expected) in
+        [(halves, 200.0), (inset, 19.6 * 9.6), (ring, TAU / 2.0 * (7.9f64.powi(2) - 6.1f64.powi(2)))]
+    {
+        let pattern = drawing(paths);
+        let found = flat(&pattern, &options(0.1, &[0.0]));
+        assert!((found.area - expected).abs() < 0.002 * expected, "{} of {expected} mm²", found.area);
+        let lines: f64 = rows(&found).iter().map(|(_, length)| length).sum();
+        assert!((lines * 0.1 - expected).abs() < 0.01 * expected, "{lines} mm of lines for {expected} mm²");
+        assert!(regions_in_outlines(&pattern, |_| true).is_empty());
+    }
+    // An outline in the hole of a hatch is filled.
+    let hole =
+        vec![circle(0.0, 0.0, 4.0), of_region(circle(0.0, 0.0, 8.0), 1), of_region(circle(0.0, 0.0, 6.0), 1)];
+    let found = flat(&drawing(hole), &options(0.1, &[0.0]));
+    let expected = TAU / 2.0 * (64.0 - 36.0 + 16.0);
+    assert!((found.area - expected).abs() < 0.002 * expected, "{} of {expected} mm²", found.area);
+}
+
+#[test]
+fn the_area_of_a_periodic_drawing_is_right() {
+    // Lines of 3 µm, 20 µm apart, and a bar: in step with evenly spaced rows.
+    let strips = (0..1024).map(|index| {
+        let low = f64::from(index) * 0.02;
+        rectangle(-5.0, low, 5.0, low + 0.003)
+    });
+    let pattern = drawing(strips.chain([rectangle(6.0, 0.0, 7.0, 20.48)]).collect());
+    let found = flat(&pattern, &options(0.5, &[90.0]));
+    let expected = 1024.0 * 10.0 * 0.003 + 20.48;
+    assert!((found.area / expected - 1.0).abs() < 0.001, "{} of {expected} mm²", found.area);
+}

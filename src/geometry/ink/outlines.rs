@@ -3,9 +3,10 @@
 use crate::geometry::pattern::{Path, Shape};
 use crate::geometry::space::{Extents, FlatPoint};
 
-/// An outline at most this far from the boundary of a fill, mm, repeats it. Programs write the two with different curves and
-/// rounding.
-const COINCIDENT: f64 = 0.01;
+/// An outline at most this far from the boundary of a fill, mm, and at most this share of its size, repeats it. Programs write
+/// the two with different curves and rounding, and some draw the fill a little smaller.
+const COINCIDENT: f64 = 0.1;
+const COINCIDENT_SHARE: f64 = 0.01;
 /// Number of points of a contour that are compared with another one.
 const COMPARED: usize = 256;
 
@@ -17,12 +18,13 @@ pub(super) fn repeat_boundaries(outlines: &[&Path], boundaries: &[&Path]) -> Vec
     boxes.sort_by(|a, b| a.0.min.x.total_cmp(&b.0.min.x));
     let repeats = |outline: &&Path| {
         let own = extents(&outline.shape);
-        let from = boxes.partition_point(|(other, _)| other.min.x < own.min.x - COINCIDENT);
-        let near = boxes[from..].iter().take_while(|(other, _)| other.min.x <= own.min.x + COINCIDENT);
-        let mut alike = near.filter(|(other, _)| {
-            (own.min - other.min).amax() <= COINCIDENT && (own.max - other.max).amax() <= COINCIDENT
+        let near = COINCIDENT.min(COINCIDENT_SHARE * own.size().norm());
+        let from = boxes.partition_point(|(other, _)| other.min.x < own.min.x - near);
+        let beside = boxes[from..].iter().take_while(|(other, _)| other.min.x <= own.min.x + near);
+        let mut alike = beside.filter(|(other, _)| {
+            (own.min - other.min).amax() <= near && (own.max - other.max).amax() <= near
         });
-        alike.any(|(_, index)| is_the_same(&outline.shape, &boundaries[*index].shape))
+        alike.any(|(_, index)| is_the_same(&outline.shape, &boundaries[*index].shape, near))
     };
     outlines.iter().map(repeats).collect()
 }
@@ -37,12 +39,12 @@ fn extents(shape: &Shape) -> Extents {
     extents
 }
 
-/// Whether two contours are nowhere farther apart than [`COINCIDENT`], at [`COMPARED`] points of each.
-fn is_the_same(one: &Shape, other: &Shape) -> bool {
-    let [one, other] = [one, other].map(|shape| shape.flattened(COINCIDENT / 4.0));
+/// Whether two contours are nowhere farther apart than `near` mm, at [`COMPARED`] points of each.
+fn is_the_same(one: &Shape, other: &Shape, near: f64) -> bool {
+    let [one, other] = [one, other].map(|shape| shape.flattened(near / 4.0));
     let is_near = |points: &[FlatPoint], contour: &[FlatPoint]| {
         let every = points.len().div_ceil(COMPARED).max(1);
-        points.iter().step_by(every).all(|point| distance(*point, contour) <= COINCIDENT)
+        points.iter().step_by(every).all(|point| distance(*point, contour) <= near)
     };
     is_near(&one, &other) && is_near(&other, &one)
 }
@@ -88,7 +90,7 @@ mod tests {
     fn a_contour_is_the_same_with_other_curves_starts_and_directions() {
         let circle = path(vec![arc(5.0, 0.0, TAU)]);
         let halves = path(vec![arc(5.0, 2.0, TAU / 2.0), arc(5.0, 2.0 + TAU / 2.0, TAU / 2.0)]);
-        let (fine, coarse, larger) = (polygon(400), polygon(20), path(vec![arc(5.02, 0.0, TAU)]));
+        let (fine, coarse, larger) = (polygon(400), polygon(10), path(vec![arc(5.12, 0.0, TAU)]));
         let outlines = [&halves, &fine, &coarse, &larger];
         assert_eq!(repeat_boundaries(&outlines, &[&larger, &circle]), [true, true, false, true]);
         assert_eq!(repeat_boundaries(&outlines, &[]), [false; 4]);

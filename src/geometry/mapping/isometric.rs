@@ -17,7 +17,7 @@ use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::IsometricOptions;
 use self::strain::{Fineness, Sample, Strain, Weights, products, samples};
-use crate::geometry::ink::Ink;
+use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::normal_equations::{
     CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
 };
@@ -210,6 +210,17 @@ impl IsometricMap {
     pub fn point(&self, at: FlatPoint) -> ViewPoint {
         let (s, t) = (self.knots_s.basis(at.x), self.knots_t.basis(at.y));
         self.sum(&s, &t, &products(&s.value, &t.value)).into()
+    }
+
+    /// The sum of |length on the surface − length drawn| over the pieces of the lines, mm.
+    pub(super) fn length_error(&self, surface: &NurbsSurface, ink: &Ink) -> f64 {
+        let error = |piece: &Piece| {
+            let middle = piece.from.lerp(piece.to, 0.5);
+            let sample = Sample::at(self.knots_s.basis(middle.x), self.knots_t.basis(middle.y));
+            let direction = (piece.to - piece.from) / piece.length();
+            piece.length() * self.strain_only(surface, &sample).along_direction(&direction).abs()
+        };
+        ink.pieces.iter().map(error).filter(|error| error.is_finite()).sum()
     }
 
     fn sum(&self, s: &Basis, t: &Basis, products: &[f64; 16]) -> Vector2<f64> {

@@ -183,11 +183,24 @@ impl LengthTrueMap {
         anchor: FlatPoint,
         options: &IsometricOptions,
     ) -> Result<Self, MapError> {
-        let ink = match options.are_outlines_areas {
-            true => ink,
-            false => Ink::sample_as_marked(pattern, is_marked, COARSE_PIECE, COARSE_SQUARE),
-        };
-        Ok(Self::Isometric(IsometricMap::solve(&surface.nurbs, &ink, anchor, options)?))
+        let solved = |ink: &Ink, options| IsometricMap::solve(&surface.nurbs, ink, anchor, options);
+        if options.are_outlines_areas {
+            return Ok(Self::Isometric(solved(&ink, options)?));
+        }
+        let lines = Ink::sample_as_marked(pattern, is_marked, COARSE_PIECE, COARSE_SQUARE);
+        let of_lines = solved(&lines, options);
+        let error = |map: &IsometricMap| map.length_error(&surface.nurbs, &lines);
+        let is_true = |map: &IsometricMap| error(map) <= TRUE_LENGTHS * lines.length();
+        if of_lines.as_ref().is_ok_and(is_true) || lines == ink {
+            return Ok(Self::Isometric(of_lines?));
+        }
+        // Where lines leave much open, areas lead the search to a better map in some drawings.
+        let with_areas = IsometricOptions { are_outlines_areas: true, ..*options };
+        Ok(Self::Isometric(match (of_lines, solved(&ink, &with_areas)) {
+            (Ok(one), Ok(other)) if error(&other) < error(&one) => other,
+            (Ok(one), _) => one,
+            (Err(_), other) => other?,
+        }))
     }
 
     fn unroll_cylinder(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
@@ -390,6 +403,9 @@ fn reach(ink: &Ink, anchor: FlatPoint) -> f64 {
     let farthest = (ink.extents.max - anchor.coords()).sup(&(anchor.coords() - ink.extents.min));
     farthest.norm()
 }
+
+/// Lengths that are wrong by at most this share are true.
+const TRUE_LENGTHS: f64 = 1e-3;
 
 /// Samples for the solver are half as dense in each direction as those for the quality results, which is enough for the
 /// reference cases to reach their expected values.

@@ -5,6 +5,8 @@
 //! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. Two rings of vertices are also on the barrel or the ball that has both; there the facets
 //! beyond them are about as long, and lean as far, as those between them would.
 
+use std::collections::HashSet;
+
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::SmoothMesh;
@@ -217,7 +219,7 @@ impl Search<'_> {
     /// The triangles on a cylinder that can be reached from one of them.
     fn grown(&self, group: &Group, from: usize, is_known: &[bool]) -> Vec<usize> {
         let mut found = vec![from];
-        let mut is_found = vec![from];
+        let mut is_found = HashSet::from([from]);
         let mut next = 0;
         while next < found.len() {
             let here = found[next];
@@ -228,11 +230,10 @@ impl Search<'_> {
                     continue;
                 }
                 let there = other as usize / 3;
-                let Err(place) = is_found.binary_search(&there) else { continue };
-                if is_known[there] || !self.is_on(group, there) {
+                if is_found.contains(&there) || is_known[there] || !self.is_on(group, there) {
                     continue;
                 }
-                is_found.insert(place, there);
+                is_found.insert(there);
                 found.push(there);
             }
         }

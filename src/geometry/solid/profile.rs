@@ -61,7 +61,10 @@ impl Spline {
             let is_beside = controls().all(|point| outward(&point).dot(&side) >= -ON_AXIS * far.norm());
             return (is_line || is_beside).then(|| self.clone());
         }
-        let runs = self.runs(&plane, ON_AXIS * far.norm());
+        let mut runs = self.runs(&plane, ON_AXIS * far.norm());
+        if runs.len() == 1 {
+            return runs.pop().map(|run| run.spline);
+        }
         let mut found: Option<(Run, [f64; 3])> = None;
         for run in runs {
             let score = plane.score(&run, around);

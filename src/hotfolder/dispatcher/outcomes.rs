@@ -36,7 +36,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         if let Work::CorrectAgain { sku, name } = &running.work {
             let result = match outcome {
-                Outcome::Delivered => Some(FinishedAs::DeliveredAgain),
+                Outcome::Delivered | Outcome::Unchanged => Some(FinishedAs::DeliveredAgain),
                 Outcome::Uncertain => Some(FinishedAs::Uncertain),
                 _ => None,
             };
@@ -352,7 +352,7 @@ fn part_under_way(sku: &Sku, why: Option<(String, Reason)>) -> Reason {
     let what = format!("The drawing waits until the part of SKU `{sku}` is complete and fitted");
     match why {
         Some((part, why)) => {
-            let what = format!("{what}; {part} waits, too: {}", why.what);
+            let what = format!("{what}. The part {part} waits, too: {}.", continued(&why.what));
             Reason { what, code: "waits-for-part".into(), ..why }
         }
         None => {

@@ -260,12 +260,12 @@ fn companion_short(part: &str, companion: &Companion, size: u64) -> Reason {
 
 fn list_settles(list: &Path) -> Reason {
     let name = list.file_name().unwrap_or_default().to_string_lossy();
-    let what = format!("Its list {name} may still be being written.");
+    let what = format!("A program may still write its list {name}.");
     Reason::new("sidecar-settling", what, "Wait: isomark reads it again.")
 }
 
 fn sidecar_settles(settings: &Path) -> Reason {
     let name = settings.file_name().unwrap_or_default().to_string_lossy();
-    let what = format!("Its settings {name} may still be being written.");
+    let what = format!("A program may still write its settings {name}.");
     Reason::new("sidecar-settling", what, "Wait: isomark reads them again.")
 }

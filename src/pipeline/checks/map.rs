@@ -262,15 +262,15 @@ pub(in crate::pipeline) fn traded(
     }
     let CorrectionSettings { weighting, aim, .. } = settings.correction;
     let remedy = if weighting == Weighting::Uniform || aim != Aim::Lengths {
-        "For true lines, set `aim = \"lengths\"` under [correction] (`--aim lengths`, with the weighting `ink`)."
+        "For truer lines, try `aim = \"lengths\"` under [correction] (`--aim lengths`, with the weighting `ink`)."
     } else {
-        "Without a correction (`--method none`), the lines are truer."
+        "For truer lines, make the drawing smaller, or split it into several jobs."
     };
     notices.push(Notice::warning(
         "lengths-traded",
         format!(
             "the correction makes the lines less true: they would be wrong by {was:.3} mm in all without it, and are wrong by \
-             {is:.3} mm with it, because it keeps the sizes and the shapes of areas. {remedy}"
+             {is:.3} mm with it, because it also keeps areas, shapes and distances. {remedy}"
         ),
     ));
 }

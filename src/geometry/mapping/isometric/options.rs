@@ -16,8 +16,8 @@ pub struct IsometricOptions {
     /// Weight of the strain in all directions equally over the whole box, inked or not. With a small weight, the
     /// parts of the drawing move relative to each other.
     pub box_weight: f64,
-    /// Whether outlines that nothing fills, and the cells that lines enclose, are areas too: their sizes and shapes count. If
-    /// not, they are lines.
+    /// Whether outlines that nothing fills, and the cells that lines enclose, are areas too, whose sizes and shapes the map
+    /// keeps. If not, they are lines.
     pub are_outlines_areas: bool,
     /// Side of a cell of the map, mm.
     pub cell: f64,

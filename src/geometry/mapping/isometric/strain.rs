@@ -339,13 +339,18 @@ impl Strain {
         self.stretch(&sample.direction).0
     }
 
+    /// The strain along a unit direction of the drawing.
+    pub(super) fn along_direction(&self, direction: &Vector2<f64>) -> f64 {
+        self.stretch(direction).0
+    }
+
     /// The largest absolute strain in four directions.
     pub(super) fn largest_stretch(&self) -> f64 {
         ALL_ROUND.iter().map(|direction| self.stretch(direction).0.abs()).fold(0.0, f64::max)
     }
 
     /// How many times as much as other strains the change of its area counts where the map squeezes the paper to less than half of
-    /// its area or folds it: 0 elsewhere. Lengths alone do not resist a fold, behind which they are right again.
+    /// its area or folds it: 0 elsewhere. Lengths alone do not resist a fold: behind it they are as drawn.
     pub(super) fn resistance_to_folds(&self) -> f64 {
         let area = self.area();
         if area < SQUEEZED { (SQUEEZED / area.max(FOLDED)).powi(2) } else { 0.0 }
