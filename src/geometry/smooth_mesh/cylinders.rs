@@ -5,7 +5,7 @@
 //! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. Two rings of vertices are also on the barrel or the ball that has both; there the facets
 //! beyond them are about as long, and lean as far, as those between them would.
 
-use std::collections::HashSet;
+use std::collections::BTreeSet;
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
@@ -219,7 +219,7 @@ impl Search<'_> {
     /// The triangles on a cylinder that can be reached from one of them.
     fn grown(&self, group: &Group, from: usize, is_known: &[bool]) -> Vec<usize> {
         let mut found = vec![from];
-        let mut is_found = HashSet::from([from]);
+        let mut is_found = BTreeSet::from([from]);
         let mut next = 0;
         while next < found.len() {
             let here = found[next];
