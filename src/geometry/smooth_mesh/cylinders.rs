@@ -2,8 +2,9 @@
 //!
 //! The vertices of a tessellation are on the part. Those of a strip of facets that are on one cylinder, to within what files
 //! state of them, and turn often enough, show its axis and radius far better than the facets round each of them: at rims, where a
-//! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. Two rings of vertices are also on the barrel or the ball that has both; there the facets
-//! beyond them are about as long, and lean as far, as those between them would.
+//! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. Two rings
+//! of vertices are also on the barrel or the ball that has both; there the facets beyond them are about as long, and lean as far,
+//! as those between them would.
 
 use std::collections::BTreeSet;
 
