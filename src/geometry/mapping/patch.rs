@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::geometry::shape_fit::fitted;
+use crate::geometry::shape_fit::{MAX_STEPS, fitted};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 
@@ -82,6 +82,6 @@ impl SampledPatch {
         distance_of: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
         moved: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
     ) -> Shape {
-        fitted(&self.points, shape, distance_of, moved)
+        fitted(MAX_STEPS, &self.points, shape, distance_of, moved)
     }
 }

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 use super::SmoothMesh;
 use crate::geometry::adjacency::{NONE, facet_normal, width};
 use crate::geometry::cylinder::Cylinder;
-use crate::geometry::shape_fit::{cross_directions, fitted};
+use crate::geometry::shape_fit::{self, cross_directions};
 
 /// Vertices on a cylinder are this close to it, mm, or …
 const ON: f64 = 1e-4;
@@ -28,6 +28,13 @@ const SAME_ANGLE: f64 = 1e-3;
 /// The facets of a cylinder leave it by at least so many times what a vertex may be off. Short pieces of any smooth curve are arcs;
 /// on fine meshes, their normals are known well from the vertices round them.
 const LEAST_BULGE: f64 = 50.0;
+/// Half of the facets of a cylinder's strip leave it by that; where the estimated normals let one leave by less than this share of
+/// it, no strip is looked for.
+const ESTIMATED: f64 = 0.8;
+/// Steps after which points that are on a cylinder are within so many times what they may be off. The error of a step is about
+/// the square of the last one; most strips of other surfaces are dropped here.
+const FIRST_STEPS: usize = 3;
+const CLOSE: f64 = 10.0;
 /// Triangles from the first one on, on either side of it, on which a cylinder is looked for: where a fillet is narrower than the
 /// first number, the second.
 const REACHES: [usize; 2] = [4, 2];
@@ -79,11 +86,12 @@ pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<bool> {
     }
     let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
     let search = Search { mesh, near: ON.max(DIGITS * largest) };
+    let least = ESTIMATED * LEAST_BULGE * search.near;
     let mut is_known = vec![false; count];
     let mut groups: Vec<(Group, Vec<u32>)> = Vec::new();
     for triangle in 0..count {
         let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
-        if is_known[triangle] || !is_open || !mesh.bulges(triangle) {
+        if is_known[triangle] || !is_open || mesh.bulge(triangle) < least {
             continue;
         }
         let Some(group) = search.group_at(triangle, &is_known) else { continue };
@@ -160,12 +168,8 @@ impl Search<'_> {
                     break;
                 }
                 group.triangles = found;
-                group.cylinder = fitted(
-                    &self.some_points(&group.triangles),
-                    group.cylinder,
-                    Cylinder::distance_and_derivatives,
-                    Cylinder::moved,
-                );
+                let points = self.some_points(&group.triangles);
+                group.cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
             }
             let found = std::mem::take(&mut group.triangles);
             let is_on = |triangle: &usize| self.is_on(&group, *triangle);
@@ -213,8 +217,12 @@ impl Search<'_> {
         let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
         let points = self.some_points(triangles);
         let start = circle_about(axis, &points)?;
-        let found = fitted(&points, start, Cylinder::distance_and_derivatives, Cylinder::moved);
-        points.iter().all(|point| found.distance(point).abs() <= self.near).then_some(found)
+        let is_within = |cylinder: &Cylinder, limit: f64| {
+            points.iter().all(|point| cylinder.distance(point).abs() <= limit)
+        };
+        let close =
+            Some(fitted(FIRST_STEPS, &points, start)).filter(|close| is_within(close, CLOSE * self.near))?;
+        Some(fitted(shape_fit::MAX_STEPS, &points, close)).filter(|found| is_within(found, self.near))
     }
 
     /// The triangles on a cylinder that can be reached from one of them.
@@ -331,6 +339,11 @@ impl Search<'_> {
         let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
         middles.map(|middle| cylinder.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
     }
+}
+
+/// The cylinder nearest to the points, from one that is close to them, in at most so many steps.
+fn fitted(steps: usize, points: &[Point3<f64>], start: Cylinder) -> Cylinder {
+    shape_fit::fitted(steps, points, start, Cylinder::distance_and_derivatives, Cylinder::moved)
 }
 
 /// The cylinder about a direction whose circle is nearest to the points (Kåsa, A circle fitting procedure and its error analysis,

@@ -255,6 +255,16 @@ impl SmoothMesh {
             length * turn > (8.0 * NEGLIGIBLE_BULGE).powi(2)
         })
     }
+
+    /// How far the curves of whose chords the sides of a triangle are leave them at most, mm, if they do not leave their plane.
+    pub(super) fn bulge(&self, triangle: usize) -> f64 {
+        let (corners, normals) = self.corners(triangle);
+        let bulges = [0, 1, 2].map(|side| {
+            let next = (side + 1) % 3;
+            (normals[next] - normals[side]).dot(&(corners[next] - corners[side])).abs() / 8.0
+        });
+        bulges.into_iter().fold(0.0, f64::max)
+    }
 }
 
 /// Whether a triangle whose normals turn by so much along its sides belongs to an extruded strip.
