@@ -281,13 +281,21 @@ impl Search<'_> {
         if count < LEAST_VERTICES || angles.len() < LEAST_ANGLES {
             return false;
         }
-        let along = corners().map(|point| (point - cylinder.center).dot(&cylinder.axis));
+        let along = corners().map(|point| cylinder.split(&point).0);
         let [low, high] = along
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
         let bulge = self.largest_bulge(group);
         let continues = |beyond: usize| {
             let corners = self.mesh.corners(beyond / 3).0;
-            let lean = facet_normal(corners).dot(&cylinder.axis).abs();
+            let apex = corners[(beyond % 3 + 2) % 3];
+            let (along, outside) = (cylinder.split(&apex).0, cylinder.distance(&apex));
+            let past = (along - high).max(low - along);
+            // Beyond a rim, the facets of a fillet need not stand above their own side: what leans is the profile.
+            let lean = if past > self.near {
+                outside.abs() / outside.hypot(past)
+            } else {
+                facet_normal(corners).dot(&cylinder.axis).abs()
+            };
             let (length, own) = (width(corners, beyond % 3), high - low);
             let is_fillet = length * LONGER <= own && length * lean / 4.0 <= FARTHER * bulge;
             lean < STRAIGHT || is_fillet && own * lean / 4.0 > IMPLAUSIBLE * bulge
