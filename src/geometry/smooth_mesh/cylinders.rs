@@ -6,7 +6,7 @@
 //! of vertices are also on the barrel or the ball that has both; there the facets beyond them are about as long, and lean as far,
 //! as those between them would.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
@@ -26,8 +26,11 @@ const LEAST_VERTICES: usize = 10;
 /// Angles that differ by less than this, rad, are one.
 const SAME_ANGLE: f64 = 1e-3;
 /// The facets of a cylinder leave it by at least so many times what a vertex may be off. Short pieces of any smooth curve are arcs;
-/// on fine meshes, their normals are known well from the vertices round them.
+/// on fine meshes, their normals are known well from the vertices round them, …
 const LEAST_BULGE: f64 = 50.0;
+/// … but not at the ends of long facets, of which one side is so many times as long as another: of those, this is enough.
+const LONG: f64 = 4.0;
+const LEAST_BULGE_OF_LONG: f64 = 10.0;
 /// Half of the facets of a cylinder's strip leave it by that; where the estimated normals let one leave by less than this share of
 /// it, no strip is looked for.
 const ESTIMATED: f64 = 0.8;
@@ -53,9 +56,9 @@ const STRAIGHT: f64 = 1e-3;
 /// The chords of a smooth profile change in length by at most 1.6 from one to the next (`chains`); a cylinder is at least so many
 /// times as long as the facets of the curve that continues it.
 const LONGER: f64 = 2.0;
-/// Its facets may also be the only ones of an arc that goes on in the next ones, as on an oval. A cylinder is so long that such an
-/// arc would leave them so many times as far as the arcs round the axis (`long_sides`).
-const IMPLAUSIBLE: f64 = 6.0;
+/// Its facets may also be the only ones of an arc that goes on in the next ones, as on an oval. A cylinder is so long that an arc
+/// as narrow as that of the next facets would leave it so many times as far as the arcs round the axis.
+const IMPLAUSIBLE: f64 = 12.0;
 /// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a cylinder that
 /// would leave the arc of a fillet by so many times as far as those of the cylinder meet it at an edge.
 const FARTHER: f64 = 2.0;
@@ -77,43 +80,50 @@ struct Group {
     triangles: Vec<usize>,
 }
 
-/// Replaces normals that are `estimated` by those of the cylinders that their vertices show; returns for each triangle whether it
-/// is part of a cylinder and has the normals of it; empty if there are none.
-pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<bool> {
+/// Replaces normals that are `estimated` by those of the cylinders that their vertices show, and their `deviations` by 0; returns
+/// for each triangle whether it is part of a cylinder and has the normals of it; empty if there are none. At an edge that the facets
+/// beyond show, the cylinder gets vertices of its own.
+pub(super) fn settle(
+    mesh: &mut SmoothMesh,
+    estimated: &mut Vec<bool>,
+    deviations: &mut Vec<f64>,
+) -> Vec<bool> {
     let count = mesh.triangles.len();
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
         return Vec::new();
     }
-    let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
-    let search = Search { mesh, near: ON.max(DIGITS * largest) };
-    let least = ESTIMATED * LEAST_BULGE * search.near;
-    let mut is_known = vec![false; count];
-    let mut groups: Vec<(Group, Vec<u32>)> = Vec::new();
-    for triangle in 0..count {
-        let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
-        if is_known[triangle] || !is_open || mesh.bulge(triangle) < least {
-            continue;
-        }
-        let Some(group) = search.group_at(triangle, &is_known) else { continue };
-        group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
-        if search.is_certain(&group) {
-            let at_edges = search.at_edges(&group);
-            groups.push((group, at_edges));
-        }
-    }
+    let groups = certain_groups(mesh, estimated);
     if groups.is_empty() {
         return Vec::new();
     }
     let mut is_set = vec![false; mesh.positions.len()];
     for (group, at_edges) in &groups {
         let is_hollow = mesh.is_hollow(group);
-        for vertex in group.triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
-            let is_at_edge = at_edges.binary_search(&vertex).is_ok();
-            let vertex = vertex as usize;
-            if estimated[vertex] && !is_set[vertex] && !is_at_edge {
-                let outward = group.cylinder.outward(&mesh.positions[vertex]);
-                mesh.normals[vertex] = if is_hollow { -outward } else { outward };
-                is_set[vertex] = true;
+        let mut own: BTreeMap<u32, u32> = BTreeMap::new();
+        for &triangle in &group.triangles {
+            for corner in 0..3 {
+                let vertex = mesh.triangles[triangle][corner];
+                let index = vertex as usize;
+                if !estimated[index] || is_set[index] {
+                    continue;
+                }
+                let at = mesh.positions[index];
+                let outward = group.cylinder.outward(&at);
+                let normal = if is_hollow { -outward } else { outward };
+                if at_edges.binary_search(&vertex).is_ok() {
+                    let new = *own.entry(vertex).or_insert(mesh.positions.len() as u32);
+                    if new as usize == mesh.positions.len() {
+                        mesh.positions.push(at);
+                        mesh.normals.push(normal);
+                        estimated.push(true);
+                        is_set.push(true);
+                        deviations.extend((!deviations.is_empty()).then_some(0.0));
+                    }
+                    mesh.triangles[triangle][corner] = new;
+                } else {
+                    mesh.normals[index] = normal;
+                    is_set[index] = true;
+                }
             }
         }
     }
@@ -128,6 +138,27 @@ pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &[bool]) -> Vec<bool> {
         }
     }
     is_round
+}
+
+/// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges.
+fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>)> {
+    let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
+    let search = Search { mesh, near: ON.max(DIGITS * largest) };
+    let mut is_known = vec![false; mesh.triangles.len()];
+    let mut groups = Vec::new();
+    for triangle in 0..mesh.triangles.len() {
+        let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
+        if is_known[triangle] || !is_open || mesh.bulge(triangle) < ESTIMATED * search.least_bulge(triangle) {
+            continue;
+        }
+        let Some(group) = search.group_at(triangle, &is_known) else { continue };
+        group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
+        if search.is_certain(&group) {
+            let at_edges = search.at_edges(&group);
+            groups.push((group, at_edges));
+        }
+    }
+    groups
 }
 
 impl SmoothMesh {
@@ -159,7 +190,7 @@ impl Search<'_> {
             bulges.sort_by(f64::total_cmp);
             let usual = bulges[bulges.len() / 2];
             let group = Group { cylinder, most: FLAT * usual, triangles: Vec::new() };
-            (usual >= LEAST_BULGE * self.near).then_some(group)
+            (usual >= self.least_bulge(triangle)).then_some(group)
         });
         starts.find_map(|mut group| {
             for _ in 0..ROUNDS {
@@ -176,6 +207,19 @@ impl Search<'_> {
             group.triangles = found.into_iter().filter(is_on).collect();
             (group.triangles.len() >= REACHES[1]).then_some(group)
         })
+    }
+
+    /// How far the facets round a triangle must leave the cylinder on which they are, mm.
+    fn least_bulge(&self, triangle: usize) -> f64 {
+        let lengths = [0, 1, 2].map(|side| {
+            let [from, to] = self.mesh.ends(3 * triangle + side);
+            (to - from).norm()
+        });
+        let [shortest, longest] = lengths
+            .into_iter()
+            .fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)]);
+        let is_long = longest > LONG * shortest;
+        self.near * if is_long { LEAST_BULGE_OF_LONG } else { LEAST_BULGE }
     }
 
     /// A triangle and some on both sides of it, along the direction of one of its sides.
@@ -297,8 +341,8 @@ impl Search<'_> {
                 facet_normal(corners).dot(&cylinder.axis).abs()
             };
             let (length, own) = (width(corners, beyond % 3), high - low);
-            let is_fillet = length * LONGER <= own && length * lean / 4.0 <= FARTHER * bulge;
-            lean < STRAIGHT || is_fillet && own * lean / 4.0 > IMPLAUSIBLE * bulge
+            lean < STRAIGHT
+                || length * LONGER <= own && own * own * lean / (4.0 * length) > IMPLAUSIBLE * bulge
         };
         self.ends(group).into_iter().all(|(_, beyond)| continues(beyond))
     }
@@ -445,6 +489,85 @@ mod tests {
             }
         }
         assert!(found >= 45, "{found}");
+    }
+
+    /// A filleted can of this radius: the length between the fillets, mm, their radius and the number of their chords, and the
+    /// steps round it. The rings of the fillets are cut at other angles than the rims.
+    fn filleted_can(radius: f64, between: f64, fillet: f64, chords: usize, steps: usize) -> SmoothMesh {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let even: Vec<f64> = (0..=steps).map(|step| 3.0 * step as f64 / steps as f64).collect();
+        let half = between / 2.0;
+        strip(&mut positions, &mut triangles, [(radius, -half, &even), (radius, half, &even)]);
+        let rings: Vec<Vec<f64>> = (0..=chords)
+            .map(|ring| if ring == 0 { even.clone() } else { uneven(steps + ring, 7 * ring as u64) })
+            .collect();
+        for end in [-1.0, 1.0] {
+            let at = |ring: usize| {
+                let angle = ring as f64 / chords as f64 * std::f64::consts::FRAC_PI_2;
+                let height = end * (half + fillet * angle.sin());
+                (radius - fillet + fillet * angle.cos(), height, rings[ring].as_slice())
+            };
+            for ring in 0..chords {
+                let [near, far] = [at(ring), at(ring + 1)];
+                let rings = if end > 0.0 { [near, far] } else { [far, near] };
+                strip(&mut positions, &mut triangles, rings);
+            }
+        }
+        smooth(positions, triangles)
+    }
+
+    #[test]
+    fn filleted_cans_are_known_from_their_vertices() {
+        // As CAD programs cut them: fillets in fine and in few chords, short cans, cans that are cut finely round the axis.
+        let cans = [
+            (20.0, 58.0, 1.0, 9, 23),
+            (58.0, 20.0, 3.0, 16, 36),
+            (33.0, 40.0, 0.5, 2, 62),
+            (20.0, 60.0, 3.0, 4, 70),
+        ];
+        for (radius, between, fillet, chords, steps) in cans {
+            let can = filleted_can(radius, between, fillet, chords, steps);
+            let mut found = 0;
+            for (triangle, corners) in can.triangles.iter().enumerate() {
+                let is_on = |&vertex: &u32| {
+                    let at = can.positions[vertex as usize];
+                    (at.coords.xy().norm() - radius).abs() < 1e-9
+                };
+                if !corners.iter().all(is_on) {
+                    continue;
+                }
+                found += 1;
+                for &vertex in corners {
+                    let (at, normal) = (can.positions[vertex as usize], can.normals[vertex as usize]);
+                    let radial = Vector3::new(at.x, at.y, 0.0).normalize();
+                    assert!((normal - radial).norm() < 1e-6, "R {radius}, fillet {fillet}, {at}: {normal:?}");
+                }
+                let doubt = can.slope_doubts.get(triangle).copied().unwrap_or(0.0);
+                assert_eq!(doubt, 0.0, "R {radius}, fillet {fillet}");
+            }
+            assert_eq!(found, 2 * steps, "R {radius}, fillet {fillet}");
+        }
+    }
+
+    #[test]
+    fn at_an_edge_the_chamfer_keeps_its_own_normals() {
+        // A can with a chamfer of 20 degrees, 4 mm long, which its own facets show to be straight.
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let angles: Vec<f64> = (0..=60).map(|step| f64::from(step) * 0.05).collect();
+        let tilt = 20.0f64.to_radians();
+        let end = (30.0 - 4.0 * tilt.sin(), 25.0 + 4.0 * tilt.cos(), angles.as_slice());
+        strip(&mut positions, &mut triangles, [(30.0, -25.0, &angles), (30.0, 25.0, &angles)]);
+        strip(&mut positions, &mut triangles, [(30.0, 25.0, &angles), end]);
+        let can = smooth(positions, triangles);
+        for triangle in 0..can.triangles.len() {
+            let (corners, normals) = can.corners(triangle);
+            if corners.iter().any(|at| at.z > 25.1) {
+                let facet = facet_normal(corners);
+                assert!(normals.iter().all(|normal| normal.dot(&facet) > 0.99), "{normals:?} for {facet:?}");
+            } else {
+                assert!(normals.iter().all(|normal| normal.z.abs() < 1e-6), "{normals:?}");
+            }
+        }
     }
 
     #[test]

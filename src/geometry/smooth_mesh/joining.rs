@@ -200,8 +200,8 @@ impl SmoothMesh {
             slope_doubts: Vec::new(),
             creases: Vec::new(),
         };
-        let (estimated, mut deviations) = smooth.complete_normals();
-        let is_round = cylinders::settle(&mut smooth, &estimated);
+        let (mut estimated, mut deviations) = smooth.complete_normals();
+        let is_round = cylinders::settle(&mut smooth, &mut estimated, &mut deviations);
         smooth.trust(&is_round, &mut deviations);
         let beside = creases.iter().chain(&sharp);
         let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
