@@ -830,6 +830,14 @@ const CODES: &[Code] = &[
         "Assign the parameters of the marking software to the new names, or use `dxf = \"R2000\"` under [output].",
     ]),
     notice([
+        "lengths-alone",
+        "The map keeps hardly anything but the lengths of lines.",
+        "With the aim `lengths`, the map also keeps shapes, areas and distances a little. Here the lines would be less true with \
+         that than in the drawing as it is, as with rings round the top of a ball. So these weights were lowered until the \
+         lines are as true as in the drawing as it is, or truer.",
+        "Nothing, if lengths matter most. Where shapes and areas matter too, use the aim `balanced`.",
+    ]),
+    notice([
         "lengths-traded",
         "The correction makes the lines less true than they are without it.",
         "On a part that is curved in two directions, the sizes of areas, their shapes and the lengths of lines cannot all be kept. \
@@ -911,6 +919,15 @@ const CODES: &[Code] = &[
         "A body, group or material named `mark` bounds where ink may be. Other spellings, such as `MARK`, or `mark.001` as \
          Blender names copies, have no effect, because they may be names of something else.",
         "Name the faces `mark` if they are meant to bound the ink, and export again.",
+    ]),
+    notice([
+        "marked-as-drawn",
+        "The drawing is marked as it is drawn, because no correction keeps it truer.",
+        "A correction must not be worse than none. Where the map leaves more of what `aim` keeps first than the drawing as it is, \
+         and no other map does better, the drawing stays as it is: rings round the top of a ball keep their lengths, and a \
+         part with fine roughness has no smooth map that keeps angles better.",
+        "Check the values of the report. If another value matters more, choose another `aim` under [correction]; \
+         `isomark evaluate` compares them.",
     ]),
     notice([
         "marked-twice",

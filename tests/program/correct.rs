@@ -535,6 +535,17 @@ fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_repor
     let (report, codes) = corrected("layers.dxf", "--aim lengths --fill 0.2 --set fill.layers=[\"LOGO\"]");
     assert!(!has(&codes, "lengths-traded") && length_error(&report) < 0.15, "{codes:?}");
 
+    // Rings that shapes would make less true keep their lengths alone.
+    let rings = (1..=8).map(|ring| format!("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n{}\n", 2 * ring));
+    desk.write("rings.dxf", entities(&rings.collect::<String>()));
+    let (report, codes) = corrected("rings.dxf", "--aim lengths");
+    let before = number(&report, "/quality/before/length_error_mm");
+    assert!(length_error(&report) <= before, "{} for {before} mm", length_error(&report));
+    assert!(has(&codes, "lengths-alone") || has(&codes, "marked-as-drawn"), "{codes:?}");
+    assert!(!has(&codes, "lengths-traded"), "{codes:?}");
+    let (_, codes) = corrected("rings.dxf", "");
+    assert!(!has(&codes, "lengths-alone") && !has(&codes, "marked-as-drawn"), "{codes:?}");
+
     let frame =
         "0\nLWPOLYLINE\n8\n0\n90\n4\n70\n1\n10\n-9\n20\n-5\n10\n9\n20\n-5\n10\n9\n20\n5\n10\n-9\n20\n5\n";
     let hatch = "0\nSOLID\n8\n0\n10\n-2\n20\n-2\n11\n2\n21\n-2\n12\n-2\n22\n2\n13\n2\n23\n2\n";
