@@ -295,6 +295,24 @@ fn methods_and_weightings_have_the_described_effect() {
 }
 
 #[test]
+fn without_a_correction_lengths_are_reported_only_where_they_are_wrong() {
+    let desk = Desk::new();
+    desk.write("ball.obj", ball());
+    desk.write("line.dxf", entities("0\nLINE\n8\n0\n10\n-15\n20\n0\n11\n15\n21\n0\n"));
+    desk.write("ring.dxf", entities("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n20\n"));
+    let options = "--part-unit mm --part-up z --facing +z --place 0,0 --method none --tolerance 0.0005";
+    let report = |drawing: &str| {
+        let [part, drawing] =
+            ["ball.obj", drawing].map(|name| desk.path(name).to_string_lossy().into_owned());
+        desk.correct(&part, &drawing, options)
+    };
+    assert!(notices(&report("line.dxf")).contains(&"not-length-true"));
+    // Round the top of a ball, a ring has its length, which `auto` would not keep as well.
+    let ring = report("ring.dxf");
+    assert!(!notices(&ring).contains(&"not-length-true"), "{ring:#}");
+}
+
+#[test]
 fn unit_and_axis_can_be_set() {
     let desk = Desk::new();
     let can = part("can/fc020-fine-mesh.obj");

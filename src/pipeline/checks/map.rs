@@ -26,6 +26,8 @@ const UNKNOWN_SHARE: f64 = 0.1;
 const CAD: [&str; 2] = ["Open CASCADE", "FreeCAD"];
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
+/// With a method for comparison, remaining stretch above this is worth a warning: a tenth of a percent, rounded.
+const TRUE_AS_DRAWN: f64 = 5e-4;
 /// A correction that adds more than this share of the length of all lines to their error is worth a notice.
 const NOTABLE_LOSS: f64 = 0.001;
 /// A distance between marks that changes by more than this share …
@@ -343,9 +345,15 @@ pub(in crate::pipeline) fn quality(
     let place = lift.point(map.point(after.max_stretch_at));
     let likely = after.max_stretch - PEAK_ONLY * after.uncertain.max_stretch;
     if map.is_for_comparison() {
+        if likely <= TRUE_AS_DRAWN {
+            return;
+        }
+        let method = match map {
+            LengthTrueMap::Plain => "the method `none` places the drawing without a correction",
+            _ => "this method is only for comparison",
+        };
         let text = format!(
-            "this method is only for comparison: line lengths are wrong by up to {:.1} %, and `auto` keeps them \
-             better",
+            "{method}: line lengths are wrong by up to {:.1} %; `isomark evaluate` shows what other methods leave",
             after.max_stretch * 100.0
         );
         notices.push(Notice::warning("not-length-true", text).at_places(place));
