@@ -1968,6 +1968,15 @@ const CODES: &[Code] = &[
         "isomark reads a file when it has not changed for `watch.settle_ms`, or when its writer has closed it.",
         "Nothing: isomark looks at the file again.",
     ]),
+    reason([
+        "stops-not-shared",
+        "The plates were not held against the same stops.",
+        "`--stops` finds the lens axis from the shift between plates, which is only the lens's if all plates were at the same place. \
+         The measured positions contradict that: plates are turned against each other, their shifts fit no lens axis, or the \
+         axis would be outside the field. Or positions were measured on fewer than two plates.",
+        "Hold all plates against the same two stops, and measure positions from the same edges; or leave out `--stops`: the lens \
+         distances follow without it.",
+    ]),
     notice([
         "stretch-remains",
         "Some lengths stay wrong because no map can keep all of them.",
