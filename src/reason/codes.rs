@@ -859,6 +859,14 @@ const CODES: &[Code] = &[
         "A rule under [route] names another line for this drawing. The database of the fleet cannot be reached, or the station was started with `--once`. The drawing stays in the hot folder and nothing is lost.",
         "No action is needed: it continues when the fleet answers. `isomark status` shows what is wrong with the fleet. To mark it here, remove the rule and drop the drawing again.",
     ]),
+    notice([
+        "line-weight-unused",
+        "Lines have a large line weight, and are marked without it.",
+        "A line weight is the width in which a line is shown and plotted; it may be that of the layer. A laser marks the line itself, \
+         as wide as its spot. Line weights up to 0.35 mm are usual in any drawing and are not reported.",
+        "To mark the width, give the polyline a global width (`PEDIT` in AutoCAD), or draw its outline with a hatch. Otherwise \
+         nothing.",
+    ]),
     reason([
         "list-empty",
         "The list has no row that can be marked.",
