@@ -2044,6 +2044,13 @@ const CODES: &[Code] = &[
         "Export the drawing again as plain SVG.",
     ]),
     notice([
+        "svg-ground",
+        "The white ground of the page is not marked.",
+        "Many programs draw a white rectangle over the whole page below everything else. It is the paper and not ink. A frame that \
+         is drawn as its stroke is marked. The default anchor is the middle of what is marked, and not that of the page.",
+        "Nothing. To mark the rectangle, give it another colour, or `--strict`.",
+    ]),
+    notice([
         "svg-pixels",
         "The size of an SVG page depends on the pixels per inch of the program that wrote it.",
         "A pixel of SVG is 1/96 inch. Adobe Illustrator uses 72 pixels per inch, and Inkscape before 0.92 used 90, so the \
