@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::job::{Job, JobArguments};
 use super::list;
-use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
+use super::named_files::{apart, beside, file_trouble, name_of, tell_of_others, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
 use super::rotary::{RotaryArguments, write_tiles};
 use super::set::{add_options, useless_to_a_job};
@@ -251,14 +251,18 @@ impl CorrectArguments {
         list::run(&job, list, &folder, self.json)
     }
 
-    /// Writes each step of focus into a file of its own, if that is asked for.
+    /// Writes each step of focus into a file of its own, if that is asked for, and warns of those of earlier runs.
     fn write_steps(&self, out: &Path, corrected: &Corrected) -> Outcome {
         if !self.step_files {
             return Ok(());
         }
+        let mut files = Vec::new();
         for (height, dxf) in corrected.step_files() {
-            write_file(&out.with_extension(format!("{height}.dxf")), &dxf)?;
+            let file = beside(out, &format!("{height}.dxf"));
+            write_file(&file, &dxf)?;
+            files.push(file);
         }
+        tell_of_others(out, 'z', &files);
         Ok(())
     }
 
