@@ -12,6 +12,7 @@ use super::rotary::{RotaryArguments, write_tiles};
 use super::set::{add_options, useless_to_a_job};
 use crate::config::Overrides;
 use crate::files::read_if_there;
+use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::{is_dxf, write_points, write_space};
 use crate::pipeline::{Corrected, PatternInput};
 use crate::preview::{self, PartSource};
@@ -102,9 +103,8 @@ pub(super) struct CorrectArguments {
     pub(super) json: bool,
 }
 
-/// Extensions of files that are never DXF drawings. `--out` may have any other extension or none.
-const OTHER_KINDS: &[&str] =
-    &["svg", "png", "bmp", "pdf", "csv", "json", "html", "toml", "glb", "gltf", "obj", "stl", "step", "ply"];
+/// Extensions of files that are never DXF drawings, beside those of parts. `--out` may have any other extension or none.
+const OTHER_KINDS: &[&str] = &["svg", "png", "bmp", "jpg", "jpeg", "pdf", "json", "html", "toml"];
 
 pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let out = match (&arguments.out, &arguments.list) {
@@ -133,7 +133,11 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     for (option, file, ending, kind) in pictures {
         check_extension(option, file, &[ending], kind)?;
     }
-    let out_of_other_kind = Some(out).filter(|file| OTHER_KINDS.iter().any(|kind| has_ending(file, kind)));
+    let is_of_other_kind = |file: &&PathBuf| {
+        MeshFormat::from_name(&file.to_string_lossy()).is_some()
+            || OTHER_KINDS.iter().any(|kind| has_ending(file, kind))
+    };
+    let out_of_other_kind = Some(out).filter(is_of_other_kind);
     check_extension("--out", out_of_other_kind, &["dxf"], "a DXF drawing")?;
     check_extension("--xyz", arguments.xyz.as_ref(), &["csv", "dxf"], "a list of points or a DXF")?;
     let previous = replaced(out)?;
