@@ -447,6 +447,46 @@ fn white_gradients_and_clips_are_reported() {
 }
 
 #[test]
+fn the_white_ground_of_a_page_is_not_marked() {
+    let mark = "<path d='M20 10h10v10h-10z'/>";
+    for ground in [
+        "<rect width='100%' height='100%' fill='white'/>",
+        "<rect width='60' height='40' fill='#fff'/>",
+        "<path d='M0 0H60V40H0Z' style='fill:#ffffff;stroke:none'/>",
+        "<rect x='-5' y='-5' width='70' height='50' fill='#fefefe'/>",
+        "<g transform='scale(2)'><rect width='30' height='20' fill='white'/></g>",
+    ] {
+        let reading = drawn(&format!("{ground}{mark}"));
+        near(extents(&reading), [20.0, 20.0, 30.0, 30.0]);
+        let codes = codes(&reading.facts);
+        assert!(codes.contains(&"svg-ground") && !codes.contains(&"svg-white"), "{ground}: {codes:?}");
+    }
+    // Not white, above something, not over the whole page, not a rectangle.
+    for shape in [
+        format!("<rect width='60' height='40' fill='#eee'/>{mark}"),
+        format!("{mark}<rect width='60' height='40' fill='white'/>"),
+        format!("<rect width='60' height='30' fill='white'/>{mark}"),
+        format!("<path d='M0 0H60V40L30 20 0 40Z' fill='white'/>{mark}"),
+        format!("<ellipse cx='30' cy='20' rx='60' ry='60' fill='white'/>{mark}"),
+    ] {
+        let reading = drawn(&shape);
+        assert_eq!(reading.pattern.paths.len(), 2, "{shape}");
+        assert!(!codes(&reading.facts).contains(&"svg-ground"), "{shape}");
+    }
+    // Its stroke is a frame, and strictly, everything is marked.
+    let framed = drawn(&format!("<rect width='60' height='40' fill='white' stroke='black'/>{mark}"));
+    near(extents(&framed), [0.0, 0.0, 60.0, 40.0]);
+    assert_eq!(framed.pattern.paths.iter().filter(|path| path.region.is_some()).count(), 1);
+    let text = page(&format!("<rect width='60' height='40' fill='white'/>{mark}"));
+    let strict = read(text.as_bytes(), &PatternOptions::default().strictly(true)).unwrap();
+    assert_eq!(strict.pattern.paths.len(), 2);
+    // The viewBox in the middle of a wider page.
+    let text = page(&format!("<rect width='40' height='40' fill='white'/>{mark}"))
+        .replace("viewBox=\"0 0 60 40\"", "viewBox=\"0 0 40 40\"");
+    assert!(codes(&try_read(&text).unwrap().facts).contains(&"svg-ground"));
+}
+
+#[test]
 fn texts_are_aligned_and_named() {
     // Capitals of DejaVu Sans are 1493/2048 em high.
     let reading =

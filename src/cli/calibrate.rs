@@ -227,7 +227,33 @@ pub(super) fn run(arguments: &CalibrateArguments) -> Outcome {
     }
     let found =
         LensCalibration::fit(&named.readings).map_err(|error| Failure::rejected(reason(&error, &named)))?;
+    stops_are_shared(&found, &field.extents())?;
     finish(arguments, &station, &field.extents(), &named, &found)
+}
+
+/// Refuses an axis that is not in the field: a lens is over its field, so that the plates were not held against the same stops.
+fn stops_are_shared(found: &LensCalibration, field: &Extents) -> Outcome {
+    let Some(axis) = found.axis.filter(|_| !found.is_telecentric()) else { return Ok(()) };
+    let is_outside = |at: usize| {
+        let Uncertain { value, deviation } = axis[at];
+        (value - field.center()[at]).abs() > field.size()[at] / 2.0 + SURE * deviation
+    };
+    if !(0..2).any(is_outside) {
+        return Ok(());
+    }
+    let [x, y] = axis.map(|axis| axis.value);
+    let what =
+        format!("With the same stops, the lens axis would be at ({x:.1}, {y:.1}) mm, outside the field");
+    Err(Failure::rejected(stops_not_shared(what)))
+}
+
+fn stops_not_shared(what: impl std::fmt::Display) -> Reason {
+    Reason::new(
+        "stops-not-shared",
+        format!("{what}."),
+        "Hold all plates against the same two stops and measure positions from the same edges, on plates at two heights; or leave out \
+         `--stops`: the lens distances follow without it, and the axis stays where the settings place it.",
+    )
 }
 
 /// Writes the drawings and the empty tables.
@@ -390,6 +416,9 @@ fn reason(error: &CalibrationError, named: &Named) -> Reason {
             "Check the column height_mm: it is in mm above the calibrated plane.",
         )
         .with_number("height", z, "mm", Some(distance)),
+        CalibrationError::StopsOfOnePlate { .. }
+        | CalibrationError::StopsTurned { .. }
+        | CalibrationError::StopsShifted { .. } => stops_not_shared(error),
         CalibrationError::Contradictory { deviation, worst } => Reason::new(
             "measurement-contradicts",
             format!("{error}. The worst is {}.", named.contradiction(&worst)),

@@ -6,12 +6,13 @@ use clap::Args;
 
 use super::job::{Job, JobArguments};
 use super::list;
-use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
+use super::named_files::{apart, beside, file_trouble, name_of, tell_of_others, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
 use super::rotary::{RotaryArguments, write_tiles};
 use super::set::{add_options, useless_to_a_job};
 use crate::config::Overrides;
 use crate::files::read_if_there;
+use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::{is_dxf, write_points, write_space};
 use crate::pipeline::{Corrected, PatternInput};
 use crate::preview::{self, PartSource};
@@ -102,9 +103,8 @@ pub(super) struct CorrectArguments {
     pub(super) json: bool,
 }
 
-/// Extensions of files that are never DXF drawings. `--out` may have any other extension or none.
-const OTHER_KINDS: &[&str] =
-    &["svg", "png", "bmp", "pdf", "csv", "json", "html", "toml", "glb", "gltf", "obj", "stl", "step", "ply"];
+/// Extensions of files that are never DXF drawings, beside those of parts. `--out` may have any other extension or none.
+const OTHER_KINDS: &[&str] = &["svg", "png", "bmp", "jpg", "jpeg", "pdf", "json", "html", "toml"];
 
 pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let out = match (&arguments.out, &arguments.list) {
@@ -133,7 +133,11 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     for (option, file, ending, kind) in pictures {
         check_extension(option, file, &[ending], kind)?;
     }
-    let out_of_other_kind = Some(out).filter(|file| OTHER_KINDS.iter().any(|kind| has_ending(file, kind)));
+    let is_of_other_kind = |file: &&PathBuf| {
+        MeshFormat::from_name(&file.to_string_lossy()).is_some()
+            || OTHER_KINDS.iter().any(|kind| has_ending(file, kind))
+    };
+    let out_of_other_kind = Some(out).filter(is_of_other_kind);
     check_extension("--out", out_of_other_kind, &["dxf"], "a DXF drawing")?;
     check_extension("--xyz", arguments.xyz.as_ref(), &["csv", "dxf"], "a list of points or a DXF")?;
     let previous = replaced(out)?;
@@ -251,14 +255,18 @@ impl CorrectArguments {
         list::run(&job, list, &folder, self.json)
     }
 
-    /// Writes each step of focus into a file of its own, if that is asked for.
+    /// Writes each step of focus into a file of its own, if that is asked for, and warns of those of earlier runs.
     fn write_steps(&self, out: &Path, corrected: &Corrected) -> Outcome {
         if !self.step_files {
             return Ok(());
         }
+        let mut files = Vec::new();
         for (height, dxf) in corrected.step_files() {
-            write_file(&out.with_extension(format!("{height}.dxf")), &dxf)?;
+            let file = beside(out, &format!("{height}.dxf"));
+            write_file(&file, &dxf)?;
+            files.push(file);
         }
+        tell_of_others(out, 'z', &files);
         Ok(())
     }
 

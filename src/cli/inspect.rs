@@ -74,14 +74,8 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     let written: Vec<(&str, &Path)> =
         written.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?))).collect();
     apart(&[&arguments.file], &written)?;
-    if !arguments.preview.as_ref().is_some_and(|file| has_ending(file, "html")) {
-        check_extension(
-            "--preview",
-            arguments.preview.as_ref(),
-            &["svg", "html"],
-            "an SVG picture or an HTML page",
-        )?;
-    }
+    let preview = arguments.preview.as_ref();
+    check_extension("--preview", preview, &["svg", "html"], "an SVG picture or an HTML page")?;
     let mut overrides = Overrides::default();
     arguments.meaning.add_to(&mut overrides)?;
     arguments.scan.add_to(&mut overrides)?;

@@ -3,7 +3,7 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::outcome::{Exit, Failure, Outcome};
+use super::outcome::{Exit, Failure, Outcome, tell};
 use crate::cache::Cache;
 use crate::config::Station;
 use crate::formats::mesh::PartFile;
@@ -142,4 +142,34 @@ pub(super) fn known_cache(named: Option<&Path>, station: Option<&Station>) -> Op
         variable("XDG_CACHE_HOME").or_else(|| variable("HOME").map(|home| home.join(".cache")))
     };
     user.map(|folder| Cache::new(folder.join("isomark")))
+}
+
+/// The name of a result beside the corrected drawing, with this text in place of `.dxf`.
+pub(super) fn beside(out: &Path, ending: &str) -> PathBuf {
+    let stem = out.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    out.with_file_name(format!("{stem}.{ending}"))
+}
+
+/// Warns of drawings beside the corrected one that are named like parts of it, but are not among its `files`: they may be
+/// of an earlier mark. `letter` begins the names of such parts, before a number with its sign.
+pub(super) fn tell_of_others(out: &Path, letter: char, files: &[PathBuf]) {
+    let start = beside(out, &letter.to_string());
+    let start = start.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let is_part = |name: &str| {
+        let number = name.strip_prefix(&start).and_then(|rest| rest.strip_suffix(".dxf"));
+        number.is_some_and(|number| number.starts_with(['+', '-']) && number.parse::<f64>().is_ok())
+    };
+    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let is_written =
+        |name: &str| files.iter().any(|file| file.file_name().is_some_and(|known| known == name));
+    let mut others: Vec<String> = names.filter(|name| is_part(name) && !is_written(name)).collect();
+    others.sort();
+    if !others.is_empty() {
+        tell(&format!(
+            "isomark: warning: not part of this mark, perhaps of an earlier one: {}; remove what is not to be marked",
+            others.join(", ")
+        ));
+    }
 }

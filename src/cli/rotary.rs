@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::named_files::{apart, file_trouble, name_of, write_file, write_file_if};
-use super::outcome::{Failure, Outcome, tell};
+use super::named_files::{apart, beside, file_trouble, name_of, tell_of_others, write_file, write_file_if};
+use super::outcome::{Failure, Outcome};
 use super::set::{add_options, add_switch};
 use crate::config::Overrides;
 use crate::formats::pattern::{self, is_dxf};
@@ -50,12 +50,6 @@ impl RotaryArguments {
     }
 }
 
-/// The name of a result beside the corrected drawing, with this text in place of `.dxf`.
-fn beside(out: &Path, ending: &str) -> PathBuf {
-    let stem = out.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    out.with_file_name(format!("{stem}.{ending}"))
-}
-
 fn file_of(out: &Path, tile: &TileFile) -> PathBuf {
     beside(out, &format!("{}.dxf", tile.name.to_lowercase()))
 }
@@ -93,13 +87,7 @@ pub(super) fn write_tiles(
     }
     let Some(mark) = &corrected.report.rotary else { return Ok(false) };
     write_table(mark, &corrected.report.sku, &corrected.report.pattern.file, [&csv, &json])?;
-    let older = others(out, &files);
-    if !older.is_empty() {
-        tell(&format!(
-            "isomark: warning: not part of this mark, perhaps of an earlier one: {}; remove what is not to be marked",
-            older.join(", ")
-        ));
-    }
+    tell_of_others(out, 'r', &files);
     Ok(!files.is_empty())
 }
 
@@ -120,22 +108,4 @@ fn refuse_to_lose(file: &Path) -> Outcome {
             "Give `--out` another name, or remove the file that is there.",
         )),
     }
-}
-
-/// The names of tiles beside the corrected drawing that are not among `files`, sorted.
-fn others(out: &Path, files: &[PathBuf]) -> Vec<String> {
-    let stem =
-        beside(out, "r").file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let is_tile = |name: &str| {
-        let angle = name.strip_prefix(&stem).and_then(|rest| rest.strip_suffix(".dxf"));
-        angle.is_some_and(|angle| angle.starts_with(['+', '-']) && angle.parse::<f64>().is_ok())
-    };
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    let is_written =
-        |name: &str| files.iter().any(|file| file.file_name().is_some_and(|known| known == name));
-    let mut others: Vec<String> = names.filter(|name| is_tile(name) && !is_written(name)).collect();
-    others.sort();
-    others
 }

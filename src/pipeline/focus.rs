@@ -38,8 +38,8 @@ pub(super) struct Stepped {
     pub(super) steps: Vec<StepDrawing>,
 }
 
-/// Cuts the corrected drawing if the settings ask for it, and notes what that opens; `None` if they do not. `drawn` holds, for each path, the points of the
-/// placed drawing that its points mark; it is returned for the paths of the result.
+/// Cuts the corrected drawing if the settings ask for it, and notes what that opens; `None` if they do not. `drawn` holds, for
+/// each path, the points of the placed drawing that its points mark; it is returned for the paths of the result.
 ///
 /// # Errors
 /// When there would be too many steps.

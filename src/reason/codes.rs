@@ -830,6 +830,14 @@ const CODES: &[Code] = &[
         "Assign the parameters of the marking software to the new names, or use `dxf = \"R2000\"` under [output].",
     ]),
     notice([
+        "lengths-alone",
+        "The map keeps hardly anything but the lengths of lines.",
+        "With the aim `lengths`, the map also keeps shapes, areas and distances a little. Here the lines would be less true with \
+         that than in the drawing as it is, as with rings round the top of a ball. So these weights were lowered until the \
+         lines are as true as in the drawing as it is, or truer.",
+        "Nothing, if lengths matter most. Where shapes and areas matter too, use the aim `balanced`.",
+    ]),
+    notice([
         "lengths-traded",
         "The correction makes the lines less true than they are without it.",
         "On a part that is curved in two directions, the sizes of areas, their shapes and the lengths of lines cannot all be kept. \
@@ -850,6 +858,14 @@ const CODES: &[Code] = &[
         "A drawing for another line waits, because the fleet does not answer.",
         "A rule under [route] names another line for this drawing. The database of the fleet cannot be reached, or the station was started with `--once`. The drawing stays in the hot folder and nothing is lost.",
         "No action is needed: it continues when the fleet answers. `isomark status` shows what is wrong with the fleet. To mark it here, remove the rule and drop the drawing again.",
+    ]),
+    notice([
+        "line-weight-unused",
+        "Lines have a large line weight, and are marked without it.",
+        "A line weight is the width in which a line is shown and plotted; it may be that of the layer. A laser marks the line itself, \
+         as wide as its spot. Line weights up to 0.35 mm are usual in any drawing and are not reported.",
+        "To mark the width, give the polyline a global width (`PEDIT` in AutoCAD), or draw its outline with a hatch. Otherwise \
+         nothing.",
     ]),
     reason([
         "list-empty",
@@ -911,6 +927,15 @@ const CODES: &[Code] = &[
         "A body, group or material named `mark` bounds where ink may be. Other spellings, such as `MARK`, or `mark.001` as \
          Blender names copies, have no effect, because they may be names of something else.",
         "Name the faces `mark` if they are meant to bound the ink, and export again.",
+    ]),
+    notice([
+        "marked-as-drawn",
+        "The drawing is marked as it is drawn, because no correction keeps it truer.",
+        "A correction must not be worse than none. Where the map leaves more of what `aim` keeps first than the drawing as it is, \
+         and no other map does better, the drawing stays as it is: rings round the top of a ball keep their lengths, and a \
+         part with fine roughness has no smooth map that keeps angles better.",
+        "Check the values of the report. If another value matters more, choose another `aim` under [correction]; \
+         `isomark evaluate` compares them.",
     ]),
     notice([
         "marked-twice",
@@ -1262,7 +1287,7 @@ const CODES: &[Code] = &[
         "The chosen method is for comparison and does not keep lengths.",
         "`mapping-domain`, `floater` and `none` exist to be compared with. The message gives the largest change \
          of a length.",
-        "Use the method `auto` for products.",
+        "Use the method `auto` for products; `isomark evaluate` shows what each method leaves of this drawing on this part.",
     ]),
     reason([
         "not-rejected",
@@ -1951,6 +1976,15 @@ const CODES: &[Code] = &[
         "isomark reads a file when it has not changed for `watch.settle_ms`, or when its writer has closed it.",
         "Nothing: isomark looks at the file again.",
     ]),
+    reason([
+        "stops-not-shared",
+        "The plates were not held against the same stops.",
+        "`--stops` finds the lens axis from the shift between plates, which is only the lens's if all plates were at the same place. \
+         The measured positions contradict that: plates are turned against each other, their shifts fit no lens axis, or the \
+         axis would be outside the field. Or positions were measured on fewer than two plates.",
+        "Hold all plates against the same two stops, and measure positions from the same edges; or leave out `--stops`: the lens \
+         distances follow without it.",
+    ]),
     notice([
         "stretch-remains",
         "Some lengths stay wrong because no map can keep all of them.",
@@ -2008,6 +2042,13 @@ const CODES: &[Code] = &[
         "The SVG file cannot be read.",
         "The file is not valid XML, has entities that multiply, or is not an SVG drawing. The reason gives the line.",
         "Export the drawing again as plain SVG.",
+    ]),
+    notice([
+        "svg-ground",
+        "The white ground of the page is not marked.",
+        "Many programs draw a white rectangle over the whole page below everything else. It is the paper and not ink. A frame that \
+         is drawn as its stroke is marked. The default anchor is the middle of what is marked, and not that of the page.",
+        "Nothing. To mark the rectangle, give it another colour, or `--strict`.",
     ]),
     notice([
         "svg-pixels",

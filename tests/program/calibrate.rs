@@ -360,6 +360,45 @@ fn tables_that_cannot_be_right_are_refused_with_what_to_do() {
 }
 
 #[test]
+fn stops_that_the_plates_do_not_share_are_refused() {
+    let desk = desk();
+    let table = desk.text("lens/lens-positions.csv");
+    let settings = desk.text("station.toml");
+    let refused = |measured: String, words: &str| {
+        desk.write("measured.csv", measured);
+        let found = calibrate(&desk, "--measured measured.csv --stops --write");
+        found.refused(1, &["stops-not-shared", words, "leave out `--stops`"]);
+        assert_eq!(desk.text("station.toml"), settings);
+    };
+    refused(measured(&table, &mut Noise(3), 0.02, false), "turned against each other by 1.83 deg");
+    // Without a turn, a shift of 20 mm between the plates moves the axis by 20 / 0.1 = 200 mm.
+    let shared = measured(&table, &mut Noise(3), 0.02, true);
+    let rows: Vec<Vec<String>> =
+        shared.replace(',', ".").lines().map(|line| line.split(';').map(str::to_owned).collect()).collect();
+    let is_raised = |cells: &[String]| cells.get(1).is_some_and(|height| height == "30");
+    let joined = |rows: &[Vec<String>]| rows.iter().map(|cells| cells.join(";") + "\n").collect::<String>();
+    let mut moved = rows.clone();
+    for cells in moved.iter_mut().filter(|cells| is_raised(cells)) {
+        cells[4] = (cells[4].parse::<f64>().unwrap() + 20.0).to_string();
+    }
+    refused(joined(&moved), "outside the field");
+    // Positions on the lower plate, and only distances on the raised one.
+    let (raised, lower): (Vec<_>, Vec<_>) = rows.into_iter().partition(|cells| is_raised(cells));
+    let at = |name: &str| {
+        let cells = raised.iter().find(|cells| cells[0] == name).unwrap();
+        Point2::from([4, 5].map(|cell| cells[cell].parse::<f64>().unwrap()))
+    };
+    let distance = |(from, to): (&str, &str)| format!("30 {from} {to} {:.3}", (at(from) - at(to)).norm());
+    let distances = [("A1", "C1"), ("A3", "C3"), ("A1", "A3"), ("C1", "C3")].map(distance);
+    desk.write("measured.csv", joined(&lower));
+    let mut arguments = vec!["calibrate", "lens", "station.toml", "--measured", "measured.csv", "--stops"];
+    arguments.extend(distances.iter().flat_map(|typed| ["--distance", typed]));
+    desk.isomark(&arguments).refused(1, &["stops-not-shared", "measured on fewer than two plates (1)"]);
+    arguments.retain(|argument| *argument != "--stops");
+    assert_eq!(desk.isomark(&arguments).code, 0);
+}
+
+#[test]
 fn a_lens_table_from_the_measurements_describes_the_same_lens() {
     let desk = desk();
     let table = measured(&desk.text("lens/lens-positions.csv"), &mut Noise(5), 0.01, true);

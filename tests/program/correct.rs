@@ -295,6 +295,24 @@ fn methods_and_weightings_have_the_described_effect() {
 }
 
 #[test]
+fn without_a_correction_lengths_are_reported_only_where_they_are_wrong() {
+    let desk = Desk::new();
+    desk.write("ball.obj", ball());
+    desk.write("line.dxf", entities("0\nLINE\n8\n0\n10\n-15\n20\n0\n11\n15\n21\n0\n"));
+    desk.write("ring.dxf", entities("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n20\n"));
+    let options = "--part-unit mm --part-up z --facing +z --place 0,0 --method none --tolerance 0.0005";
+    let report = |drawing: &str| {
+        let [part, drawing] =
+            ["ball.obj", drawing].map(|name| desk.path(name).to_string_lossy().into_owned());
+        desk.correct(&part, &drawing, options)
+    };
+    assert!(notices(&report("line.dxf")).contains(&"not-length-true"));
+    // Round the top of a ball, a ring has its length, which `auto` would not keep as well.
+    let ring = report("ring.dxf");
+    assert!(!notices(&ring).contains(&"not-length-true"), "{ring:#}");
+}
+
+#[test]
 fn unit_and_axis_can_be_set() {
     let desk = Desk::new();
     let can = part("can/fc020-fine-mesh.obj");
@@ -534,6 +552,17 @@ fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_repor
     desk.write("layers.dxf", entities(&format!("0\nCIRCLE\n8\nCUT\n10\n0\n20\n0\n40\n20\n{square}")));
     let (report, codes) = corrected("layers.dxf", "--aim lengths --fill 0.2 --set fill.layers=[\"LOGO\"]");
     assert!(!has(&codes, "lengths-traded") && length_error(&report) < 0.15, "{codes:?}");
+
+    // Rings that shapes would make less true keep their lengths alone.
+    let rings = (1..=8).map(|ring| format!("0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n{}\n", 2 * ring));
+    desk.write("rings.dxf", entities(&rings.collect::<String>()));
+    let (report, codes) = corrected("rings.dxf", "--aim lengths");
+    let before = number(&report, "/quality/before/length_error_mm");
+    assert!(length_error(&report) <= before, "{} for {before} mm", length_error(&report));
+    assert!(has(&codes, "lengths-alone") || has(&codes, "marked-as-drawn"), "{codes:?}");
+    assert!(!has(&codes, "lengths-traded"), "{codes:?}");
+    let (_, codes) = corrected("rings.dxf", "");
+    assert!(!has(&codes, "lengths-alone") && !has(&codes, "marked-as-drawn"), "{codes:?}");
 
     let frame =
         "0\nLWPOLYLINE\n8\n0\n90\n4\n70\n1\n10\n-9\n20\n-5\n10\n9\n20\n-5\n10\n9\n20\n5\n10\n-9\n20\n5\n";

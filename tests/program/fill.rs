@@ -326,6 +326,23 @@ fn steps_of_focus_are_layers_of_a_delivered_drawing_and_files_of_a_command() {
             assert_clean(&found);
         }
     }
+    // The files of an earlier run with other steps are named; other files are not.
+    let earlier: Vec<String> =
+        steps.iter().map(|step| format!("cut.z{:+.3}.dxf", step["focus_mm"].as_f64().unwrap())).collect();
+    for other in ["cut.zebra.dxf", "cut.z+1.000.svg", "other.z+1.000.dxf"] {
+        desk.write(other, "");
+    }
+    let one =
+        format!("{common} --set focus.steps=layers --set focus.step_mm={:.3} --step-files", range * 2.0);
+    let again = |options: &str| {
+        let words = format!("correct {part} {pattern} --out cut.dxf {options}");
+        desk.isomark(&words.split_whitespace().collect::<Vec<_>>()).err
+    };
+    let warning = again(&one);
+    let warning = warning.lines().find(|line| line.contains("not part of this mark")).unwrap();
+    assert!(earlier.iter().all(|file| warning.contains(file.as_str())), "{warning}");
+    assert_eq!(warning.matches(".dxf").count(), earlier.len(), "{warning}");
+    assert!(!again(&options).contains("not part of this mark"));
     // In space, every point is on the can.
     let text = desk.text("out.csv");
     let mut rows = text.lines();

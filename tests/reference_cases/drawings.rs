@@ -53,6 +53,22 @@ pub(crate) fn open_ring(radius: f64, gap: f64) -> Pattern {
     drawing([Shape::Open(vec![round(radius, gap / 2.0, TAU - gap)])])
 }
 
+/// Open rings about the origin with these radii, mm, the gap of each turned by `turn` rad from that of the one before.
+pub(crate) fn open_rings(radii: impl IntoIterator<Item = f64>, gap: f64, turn: f64) -> Pattern {
+    let ring = |(index, radius)| Shape::Open(vec![round(radius, turn * f64::from(index), TAU - gap)]);
+    drawing((0u32..).zip(radii).map(ring))
+}
+
+/// Closed rings about the origin.
+pub(crate) fn rings(radii: impl IntoIterator<Item = f64>) -> Pattern {
+    drawing(radii.into_iter().map(|radius| Shape::Closed(vec![round(radius, 0.0, TAU)])))
+}
+
+/// A filled ring from one radius to another, mm.
+pub(crate) fn filled_ring(inner: f64, outer: f64) -> Pattern {
+    filled(rings([inner, outer]))
+}
+
 fn round(radius: f64, start: f64, sweep: f64) -> Segment {
     let (u, v) = (Vector2::new(radius, 0.0), Vector2::new(0.0, radius));
     Segment::Arc { center: FlatPoint::new(0.0, 0.0), u, v, start, sweep }

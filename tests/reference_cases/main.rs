@@ -26,7 +26,7 @@ use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 
-use self::drawings::{disc, letters, open_ring, outline, square};
+use self::drawings::{disc, filled_ring, letters, open_ring, open_rings, outline, rings, square};
 
 /// Two or three steps on the coarse grid, and at most eight rounds on the fine one.
 const MOST_STEPS: usize = 11;
@@ -263,6 +263,47 @@ fn an_open_ring_is_not_folded_at_its_gap() {
             );
         }
     }
+}
+
+/// The projection of a ring round the top of a sphere has its length: as they are drawn, rings are true.
+#[test]
+fn rings_are_as_true_with_the_aim_of_lengths_as_they_are_without_a_correction() {
+    let surface = SPHERE.surface(28.5);
+    let radii = |first: f64, apart: f64| (0..8u32).map(move |ring| first + apart * f64::from(ring));
+    for (first, apart) in [(1.0, 1.0), (1.5, 1.5), (2.0, 2.0), (8.0, 0.5), (12.0, 0.5)] {
+        let all = || radii(first, apart);
+        for drawing in [rings(all()), open_rings(all(), 0.7, 0.0), open_rings(all(), 0.35, 2.0)] {
+            let found = SPHERE.judged(&surface, &drawing, &Method::Isometric(IsometricOptions::LENGTHS));
+            let length = found.figures.length;
+            assert!(found.length_error() < 1.1e-4 * length, "{first}, {apart}: {length} mm, {found:?}");
+            assert!(found.isometric().instead.is_some());
+        }
+    }
+    // An area keeps its size as well.
+    let drawing = filled_ring(14.0, 16.0);
+    let found = SPHERE.judged(&surface, &drawing, &Method::Isometric(IsometricOptions::LENGTHS));
+    let as_drawn = SPHERE.judged(&surface, &drawing, &Method::Plain);
+    assert!(found.area_error() < 0.5 * as_drawn.area_error(), "{found:?}, as drawn {as_drawn:?}");
+}
+
+#[test]
+fn the_usual_map_is_taken_where_it_is_truer_than_the_drawing_as_it_is() {
+    let options =
+        [IsometricOptions::INK, IsometricOptions::LENGTHS, IsometricOptions::AREAS, IsometricOptions::SHAPES];
+    for case in [SPHERE, MANDARIN, MOUSE] {
+        for options in options {
+            assert_eq!(letters_on(case, &Method::Isometric(options)).isometric().instead, None);
+        }
+    }
+}
+
+#[test]
+fn open_rings_close_together_are_not_treated_as_areas() {
+    let surface = SPHERE.surface(28.5);
+    let radii = (0..8u32).map(|ring| 12.0 + 0.5 * f64::from(ring));
+    let drawing = open_rings(radii, 0.35, 2.0);
+    let [ink, uniform] = [INK, UNIFORM].map(|method| SPHERE.judged(&surface, &drawing, &method));
+    assert!(ink.length_error() < 0.5 * uniform.length_error(), "{ink:?}, uniform {uniform:?}");
 }
 
 #[test]

@@ -6,6 +6,7 @@
 
 mod crossing;
 mod distance;
+mod nesting;
 mod scan;
 mod trace;
 
@@ -15,6 +16,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use self::crossing::crossing;
 use self::distance::DistanceField;
+use self::nesting::{are_inside_odd, drop_covered};
 use self::scan::{Interval, Outline};
 use self::trace::Tracer;
 use super::correction::{AboveLens, Projection};
@@ -33,12 +35,6 @@ const SIDE: f64 = 0.5;
 const STEP: f64 = 0.1;
 /// Places at which the spacing is measured.
 const PLACES: f64 = 5000.0;
-/// Outlines are only lines round regions that cover this share of their inside, holes included …
-const COVERED: f64 = 0.8;
-/// … and whose contours are at most this many times as large: others surround the outline.
-const LARGER: f64 = 1.05;
-/// With more pairs of outlines and regions than this, outlines are not compared with regions.
-const MOST_PAIRS: usize = 20_000_000;
 /// A spacing that deviates by more than this share is uneven.
 pub const EVEN: f64 = 0.01;
 /// Share of the spacing by which a line may deviate from the true curve between its points.
@@ -172,19 +168,12 @@ pub fn regions_in_outlines(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) 
     for (_, outlines) in layers_of(pattern, is_filled) {
         let (regions, outlines): (Vec<Outline>, Vec<Outline>) =
             outlines.into_iter().partition(|outline| outline.region.is_some());
-        if regions.len().saturating_mul(outlines.len()) > MOST_PAIRS {
-            continue;
-        }
-        let boxes: Vec<Extents> = outlines.iter().map(Outline::extents).collect();
-        for region in regions.chunk_by(|one, other| one.region == other.region) {
-            let start = region[0].points[0];
-            let around = outlines.iter().zip(&boxes).filter(|(outline, extents)| {
-                extents.contains(start.coords()) && is_inside(start, &outline.points)
-            });
-            if around.count() % 2 == 1 {
-                starts.push(start);
-            }
-        }
+        let regions = regions.chunk_by(|one, other| one.region == other.region);
+        let of_layer: Vec<FlatPoint> = regions.map(|region| region[0].points[0]).collect();
+        let are_inside = are_inside_odd(&of_layer, &outlines);
+        starts.extend(
+            of_layer.into_iter().zip(are_inside).filter_map(|(start, is_inside)| is_inside.then_some(start)),
+        );
     }
     starts
 }
@@ -210,72 +199,6 @@ fn layers_of(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<(usize,
     layers
 }
 
-/// Removes the outlines whose inside is nearly covered by regions, with all outlines in them: they frame these, as an outline
-/// round two hatches does.
-fn drop_covered(outlines: &mut Vec<Outline>) {
-    let (mut frames, regions): (Vec<usize>, Vec<usize>) =
-        (0..outlines.len()).partition(|index| outlines[*index].region.is_none());
-    if frames.is_empty()
-        || regions.is_empty()
-        || frames.len().saturating_mul(frames.len() + regions.len()) > MOST_PAIRS
-    {
-        return;
-    }
-    let boxes: Vec<Extents> = outlines.iter().map(Outline::extents).collect();
-    let size = |index: &usize| boxes[*index].size().norm();
-    frames.sort_by(|one, other| size(other).total_cmp(&size(one)));
-    // The outermost outlines, each with those inside it.
-    let mut nests: Vec<Vec<usize>> = Vec::new();
-    for frame in frames {
-        let at = outlines[frame].points[0];
-        let around = nests
-            .iter_mut()
-            .find(|nest| boxes[nest[0]].contains(at.coords()) && is_inside(at, &outlines[nest[0]].points));
-        match around {
-            Some(nest) => nest.push(frame),
-            None => nests.push(vec![frame]),
-        }
-    }
-    let mut is_covered = vec![false; outlines.len()];
-    for nest in nests {
-        let frame = nest[0];
-        let outer = &boxes[frame];
-        let meets = |index: &usize| {
-            let other = &boxes[*index];
-            (0..2).all(|axis| other.min[axis] <= outer.max[axis] && other.max[axis] >= outer.min[axis])
-                && size(index) <= LARGER * size(&frame)
-        };
-        // Each contour of a region for itself: holes belong to what is framed.
-        let inside = regions.iter().copied().filter(meets);
-        let inside: Vec<Outline> = inside
-            .zip(0..)
-            .map(|(index, number)| Outline { region: Some(number), ..outlines[index].clone() })
-            .collect();
-        if inside.is_empty() {
-            continue;
-        }
-        let frame = [outlines[frame].clone()];
-        let [framed, filled] = [&frame[..], &inside[..]].map(scan::area);
-        let either = scan::area(&[&frame[..], &inside[..]].concat());
-        let common = (framed + filled - either) / 2.0;
-        if common >= COVERED * framed {
-            nest.iter().for_each(|&index| is_covered[index] = true);
-        }
-    }
-    let mut is_covered = is_covered.into_iter();
-    outlines.retain(|_| !is_covered.next().unwrap_or_default());
-}
-
-/// Whether a point is inside a closed polyline, by the even-odd rule.
-fn is_inside(at: FlatPoint, contour: &[FlatPoint]) -> bool {
-    let sides = contour.iter().zip(contour.iter().cycle().skip(1));
-    let crossed = sides.filter(|(from, to)| {
-        (from.y > at.y) != (to.y > at.y)
-            && at.x < from.x + (to.x - from.x) * ((at.y - from.y) / (to.y - from.y))
-    });
-    crossed.count() % 2 == 1
-}
-
 /// Whether a closed path bounds something that can be filled: strokes of letters and patterns are lines, unless they bound a region, as
 /// the letters of outline fonts and the cells of codes do.
 fn bounds_an_area(path: &Path) -> bool {
@@ -284,8 +207,8 @@ fn bounds_an_area(path: &Path) -> bool {
 
 /// Fills the contours on layers for which `is_filled` is true, by the even-odd rule; an area that several regions of a layer
 /// cover is filled once. Regions inside outlines that are filled too, as letters in a frame, stay unfilled: the whole frame
-/// would be one block. An outline that regions cover nearly is only a line. Strokes of letters and patterns are lines, also
-/// where they close. `None` if nothing is enclosed.
+/// would be one block. An outline that regions cover nearly is only a line; outlines in the holes of these regions are filled.
+/// Strokes of letters and patterns are lines, also where they close. `None` if nothing is enclosed.
 ///
 /// # Errors
 /// See [`FillError`].

@@ -413,12 +413,42 @@ fn outlines_round_regions_that_nearly_fill_them_are_lines() {
         assert!((lines * 0.1 - expected).abs() < 0.01 * expected, "{lines} mm of lines for {expected} mm²");
         assert!(regions_in_outlines(&pattern, |_| true).is_empty());
     }
-    // An outline in the hole of a hatch is filled.
-    let hole =
-        vec![circle(0.0, 0.0, 4.0), of_region(circle(0.0, 0.0, 8.0), 1), of_region(circle(0.0, 0.0, 6.0), 1)];
-    let found = flat(&drawing(hole), &options(0.1, &[0.0]));
-    let expected = TAU / 2.0 * (64.0 - 36.0 + 16.0);
-    assert!((found.area - expected).abs() < 0.002 * expected, "{} of {expected} mm²", found.area);
+}
+
+#[test]
+fn outlines_in_the_holes_of_hatches_are_filled_whatever_frames_the_hatch() {
+    let round = |radius| circle(0.0, 0.0, radius);
+    let hatch = vec![of_region(round(8.0), 1), of_region(round(6.0), 1)];
+    let ring = 64.0 - 36.0;
+    for frame in [vec![], vec![round(8.0)], vec![round(8.2)], vec![round(8.2), round(5.9)]] {
+        // An outline; a ring of two outlines; an outline that frames a hatch in the hole.
+        let framed = vec![round(4.1), of_region(round(4.0), 2)];
+        for (in_hole, squares) in
+            [(vec![round(4.0)], 16.0), (vec![round(4.0), round(2.0)], 12.0), (framed, 16.0), (vec![], 0.0)]
+        {
+            let pattern = drawing([frame.clone(), hatch.clone(), in_hole].concat());
+            let found = flat(&pattern, &options(0.1, &[0.0]));
+            let expected = TAU / 2.0 * (ring + squares);
+            assert!((found.area - expected).abs() < 0.002 * expected, "{} of {expected} mm²", found.area);
+            assert!(regions_in_outlines(&pattern, |_| true).is_empty());
+        }
+    }
+}
+
+#[test]
+fn ten_thousand_framed_hatches_are_filled() {
+    let at = |index: u32| [f64::from(index % 100), f64::from(index / 100)];
+    let pair = |index: u32| {
+        let [x, y] = at(index);
+        [
+            rectangle(x, y, x + 0.8, y + 0.8),
+            of_region(rectangle(x + 0.02, y + 0.02, x + 0.78, y + 0.78), index),
+        ]
+    };
+    let mut layers = layers_of(&drawing((0..10_000).flat_map(pair).collect()), |_| true);
+    let (_, outlines) = layers.remove(0);
+    assert_eq!(outlines.len(), 10_000);
+    assert!(outlines.iter().all(|outline| outline.region.is_some()));
 }
 
 #[test]

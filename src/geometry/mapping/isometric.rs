@@ -5,6 +5,7 @@
 //! their shapes are visible. The empty space between them is not, so it may be distorted: its small weight only keeps
 //! the parts of the drawing in their places.
 
+mod as_drawn;
 mod enclosed;
 mod fold;
 mod geodesics;
@@ -15,9 +16,9 @@ mod strain;
 
 use nalgebra::{Matrix2, Vector2};
 
-pub use self::options::IsometricOptions;
+pub use self::options::{Figure, IsometricOptions};
 use self::strain::{Fineness, Sample, Strain, Weights, products, samples};
-use crate::geometry::ink::{Ink, Piece};
+use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
     CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
 };
@@ -35,6 +36,18 @@ pub struct IsometricMap {
     pub iterations: Vec<Iteration>,
     /// Whether the search converged. If not, the map is the best one that was found.
     pub settled: bool,
+    /// What the map keeps, if the one that the options ask for is worse than the drawing as it is.
+    pub instead: Option<Instead>,
+}
+
+/// What a map keeps where the one that the options ask for is worse than the drawing as it is, in the figure that comes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Instead {
+    /// Lengths alone; shapes, areas and distances give way more than the options ask for.
+    LengthsAlone,
+    /// The drawing as it is, without a correction.
+    AsDrawn,
 }
 
 /// One Gauss–Newton step.
@@ -139,7 +152,8 @@ impl IsometricMap {
         extents.include(anchor.coords());
         let (knots_s, knots_t) = coarse_grid(&extents, options);
         let control = geodesics::parallel_coordinates(surface, anchor, &knots_s, &knots_t);
-        let mut map = Self { knots_s, knots_t, control, iterations: Vec::new(), settled: false };
+        let mut map =
+            Self { knots_s, knots_t, control, iterations: Vec::new(), settled: false, instead: None };
         let solver = map.solver()?;
         let is_even = options.is_even() || ink.pieces.is_empty() && ink.squares.is_empty();
         let even = map.samples(ink, &Weights::EVEN, COARSE);
@@ -210,17 +224,6 @@ impl IsometricMap {
     pub fn point(&self, at: FlatPoint) -> ViewPoint {
         let (s, t) = (self.knots_s.basis(at.x), self.knots_t.basis(at.y));
         self.sum(&s, &t, &products(&s.value, &t.value)).into()
-    }
-
-    /// The sum of |length on the surface − length drawn| over the pieces of the lines, mm.
-    pub(super) fn length_error(&self, surface: &NurbsSurface, ink: &Ink) -> f64 {
-        let error = |piece: &Piece| {
-            let middle = piece.from.lerp(piece.to, 0.5);
-            let sample = Sample::at(self.knots_s.basis(middle.x), self.knots_t.basis(middle.y));
-            let direction = (piece.to - piece.from) / piece.length();
-            piece.length() * self.strain_only(surface, &sample).along_direction(&direction).abs()
-        };
-        ink.pieces.iter().map(error).filter(|error| error.is_finite()).sum()
     }
 
     fn sum(&self, s: &Basis, t: &Basis, products: &[f64; 16]) -> Vector2<f64> {

@@ -19,7 +19,7 @@ use nalgebra::{Point3, Vector3};
 use self::cone::{ConeError, ConeFit, ConeMap};
 use self::cylinder::{CylinderError, CylinderFit, CylinderMap, ON_FACE};
 use self::floater::{FloaterError, FloaterMap, FloaterWeights};
-use self::isometric::{IsometricError, IsometricMap, IsometricOptions};
+use self::isometric::{Figure, Instead, IsometricError, IsometricMap, IsometricOptions};
 use self::mapping_domain::{MappingDomainError, MappingDomainMap, MappingDomainOptions};
 use self::patch::{SampledPatch, TooFewPoints};
 use super::ink::Ink;
@@ -175,32 +175,69 @@ impl LengthTrueMap {
         }
     }
 
-    /// `ink` is the drawing with the areas of its outlines.
+    /// The map that the options ask for, if it is not worse than the drawing as it is in what they keep first. `ink` is the
+    /// drawing with the areas of its outlines.
     fn isometric(
+        surface: &FittedSurface,
+        drawing: (&Pattern, &dyn Fn(&str) -> bool),
+        ink: Ink,
+        anchor: FlatPoint,
+        options: &IsometricOptions,
+    ) -> Result<Self, MapError> {
+        let (map, ink) = Self::weighed(surface, drawing, ink, anchor, options)?;
+        let (nurbs, first) = (&surface.nurbs, options.first);
+        let as_drawn = IsometricMap::as_drawn(&ink, anchor, options);
+        let is_worse = |map: &IsometricMap| map.is_worse_than(&as_drawn, nurbs, &ink, first);
+        if !is_worse(&map) || !is_on_part(&ink, surface) {
+            return Ok(Self::Isometric(map));
+        }
+        let areas = |map: &IsometricMap| map.left(Figure::Areas, nurbs, &ink);
+        let most = areas(&map) + GIVEN_AREAS;
+        let mut truest = map;
+        if first == Some(Figure::Lengths) {
+            // The weights of areas, angles and the paper are what keeps lines from being as true as they are in the drawing.
+            for lengths in LENGTHS_ALONE {
+                let options = options.nearly_lengths_alone(lengths);
+                let Ok(mut map) = IsometricMap::solve(nurbs, &ink, anchor, &options) else { continue };
+                map.instead = Some(Instead::LengthsAlone);
+                if truest.is_worse_than(&map, nurbs, &ink, first) && areas(&map) <= most {
+                    truest = map;
+                }
+                if !is_worse(&truest) {
+                    return Ok(Self::Isometric(truest));
+                }
+            }
+        }
+        let is_truest = first == Some(Figure::Areas) || areas(&as_drawn) <= most;
+        Ok(Self::Isometric(if is_truest { as_drawn } else { truest }))
+    }
+
+    /// The map that the options ask for, and the ink for which it was found.
+    fn weighed(
         surface: &FittedSurface,
         (pattern, is_marked): (&Pattern, &dyn Fn(&str) -> bool),
         ink: Ink,
         anchor: FlatPoint,
         options: &IsometricOptions,
-    ) -> Result<Self, MapError> {
+    ) -> Result<(IsometricMap, Ink), MapError> {
         let solved = |ink: &Ink, options| IsometricMap::solve(&surface.nurbs, ink, anchor, options);
         if options.are_outlines_areas {
-            return Ok(Self::Isometric(solved(&ink, options)?));
+            return Ok((solved(&ink, options)?, ink));
         }
         let lines = Ink::sample_as_marked(pattern, is_marked, COARSE_PIECE, COARSE_SQUARE);
         let of_lines = solved(&lines, options);
-        let error = |map: &IsometricMap| map.length_error(&surface.nurbs, &lines);
-        let is_true = |map: &IsometricMap| error(map) <= TRUE_LENGTHS * lines.length();
-        if of_lines.as_ref().is_ok_and(is_true) || lines == ink {
-            return Ok(Self::Isometric(of_lines?));
+        let error = |map: &IsometricMap| map.left(Figure::Lengths, &surface.nurbs, &lines);
+        if of_lines.as_ref().is_ok_and(|map| error(map) <= TRUE_LENGTHS) || lines == ink {
+            return Ok((of_lines?, lines));
         }
         // Where lines leave much open, areas lead the search to a better map in some drawings.
         let with_areas = IsometricOptions { are_outlines_areas: true, ..*options };
-        Ok(Self::Isometric(match (of_lines, solved(&ink, &with_areas)) {
+        let map = match (of_lines, solved(&ink, &with_areas)) {
             (Ok(one), Ok(other)) if error(&other) < error(&one) => other,
             (Ok(one), _) => one,
             (Err(_), other) => other?,
-        }))
+        };
+        Ok((map, lines))
     }
 
     fn unroll_cylinder(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
@@ -404,8 +441,19 @@ fn reach(ink: &Ink, anchor: FlatPoint) -> f64 {
     farthest.norm()
 }
 
+/// Whether all ink is on the part without a correction.
+fn is_on_part(ink: &Ink, surface: &FittedSurface) -> bool {
+    let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
+    let mut places = ends.chain(ink.squares.iter().chain(&ink.dots).copied());
+    places.all(|at| surface.sampled_height(at.coords().into()).is_some())
+}
+
 /// Lengths that are wrong by at most this share are true.
 const TRUE_LENGTHS: f64 = 1e-3;
+/// Factors on the weight of lengths, tried one after the other until the lines are as true as in the drawing as it is.
+const LENGTHS_ALONE: [f64; 3] = [10.0, 100.0, 1000.0];
+/// For truer lines or angles, the sizes of inked areas change by at most this share more.
+const GIVEN_AREAS: f64 = 0.01;
 
 /// Samples for the solver are half as dense in each direction as those for the quality results, which is enough for the
 /// reference cases to reach their expected values.

@@ -26,6 +26,8 @@ const MOST_MISTAKES: usize = 10;
 const MOST: (usize, usize) = (500, 20);
 /// How well plates return to the same stops, mm.
 const STOPS: f64 = 0.1;
+/// Plates that are turned less against each other may have been held against the same stops, rad.
+const SAME_TURN: f64 = 0.005;
 /// With this number of spare values, their residuals show how well was measured.
 const ENOUGH_SPARE: usize = 6;
 /// A difference of this many standard deviations is one.
@@ -180,6 +182,26 @@ pub enum CalibrationError {
         z: f64,
         /// The lens distance, mm.
         distance: f64,
+    },
+    /// The same stops cannot be used, because positions were measured on fewer than two plates.
+    #[error("positions were measured on fewer than two plates ({plates})")]
+    StopsOfOnePlate {
+        /// The number of plates with positions: 0 or 1.
+        plates: usize,
+    },
+    /// Plates that were held against the same stops are turned against each other.
+    #[error("the plates at {} and {} mm are turned against each other by {:.2} deg", z[0], z[1], turn.to_degrees())]
+    StopsTurned {
+        /// Their heights, mm.
+        z: [f64; 2],
+        /// The angle, rad.
+        turn: f64,
+    },
+    /// The shifts of plates that were held against the same stops do not fit any lens axis.
+    #[error("the shifts of the plates contradict each other by {deviation:.2} mm")]
+    StopsShifted {
+        /// Standard deviation of a shift, mm.
+        deviation: f64,
     },
     /// Too many values contradict each other.
     #[error("the measured values contradict each other by {deviation:.2} mm")]
@@ -425,7 +447,7 @@ impl<'a> Problem<'a> {
         Ok(LensCalibration {
             convergence,
             scale: [known(2), known(3)],
-            axis: self.axis(solution, reading),
+            axis: self.axis(solution, reading)?,
             plates: plates.collect(),
             residuals: residuals.collect(),
             distance_residuals: (0..self.readings.distances.len())
@@ -439,16 +461,24 @@ impl<'a> Problem<'a> {
 
     /// The axis: the point of the drawing that all plates show at the same place. The middle of the crosses is at t + a·(1 − g) of
     /// each plate, with the axis at a beside it.
-    fn axis(&self, solution: &Solution, reading: f64) -> Option<[Uncertain; 2]> {
-        if !self.readings.same_stops || self.plates.len() < 2 {
-            return None;
+    ///
+    /// # Errors
+    /// When the plates cannot have been held against the same stops.
+    fn axis(&self, solution: &Solution, reading: f64) -> Result<Option<[Uncertain; 2]>, CalibrationError> {
+        if !self.readings.same_stops {
+            return Ok(None);
         }
         let unknowns = solution.unknowns.as_slice();
         let plates = self.plates.len();
+        if plates < 2 {
+            return Err(CalibrationError::StopsOfOnePlate { plates });
+        }
         let turn = (0..plates).map(|plate| Rotation2::new(unknowns[LENS + 3 * plate]) * Vector2::x());
         let turn = turn.fold(Vector2::zeros(), |sum, direction| sum + direction);
+        self.are_turned_alike(solution, reading)?;
         let back = Rotation2::new(-turn.y.atan2(turn.x));
-        let found = [0, 1].map(|axis| {
+        let mut found = [Uncertain { value: 0.0, deviation: 0.0 }; 2];
+        for axis in 0..2 {
             let matrix = DMatrix::from_fn(plates, 2, |plate, column| match column {
                 0 => 1.0,
                 _ => 1.0 - Self::shrink(unknowns, self.plates[plate])[axis],
@@ -457,15 +487,35 @@ impl<'a> Problem<'a> {
                 let at = LENS + 3 * plate;
                 (back * Vector2::new(unknowns[at + 1], unknowns[at + 2]))[axis]
             });
-            let fitted = least_squares::linear(&matrix, &DVector::from_iterator(plates, shifts))?;
+            let shifts = DVector::from_iterator(plates, shifts);
+            let Some(fitted) = least_squares::linear(&matrix, &shifts) else { return Ok(None) };
             let of_shift = solution.uncertainty(LENS + 1 + axis, reading).hypot(STOPS);
-            Some(Uncertain {
+            if let Some(deviation) = fitted.deviation().filter(|deviation| *deviation > SURE * of_shift) {
+                return Err(CalibrationError::StopsShifted { deviation });
+            }
+            found[axis] = Uncertain {
                 value: fitted.unknowns[1] + self.middle[axis],
                 deviation: fitted.uncertainty(1, of_shift),
-            })
-        });
-        let [x, y] = found;
-        Some([x?, y?])
+            };
+        }
+        Ok(Some(found))
+    }
+
+    /// Checks that no plate is turned against the first one.
+    fn are_turned_alike(&self, solution: &Solution, reading: f64) -> Result<(), CalibrationError> {
+        let angle = |plate: usize| {
+            let index = LENS + 3 * plate;
+            (solution.unknowns[index], solution.uncertainty(index, reading))
+        };
+        let (first, of_first) = angle(0);
+        for plate in 1..self.plates.len() {
+            let (turned, of_this) = angle(plate);
+            let turn = (turned - first).sin().atan2((turned - first).cos()).abs();
+            if turn > SAME_TURN + SURE * of_first.hypot(of_this) {
+                return Err(CalibrationError::StopsTurned { z: [self.plates[0], self.plates[plate]], turn });
+            }
+        }
+        Ok(())
     }
 }
 
@@ -624,6 +674,42 @@ mod tests {
             let error = LensCalibration::fit(&readings).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }
+    }
+
+    #[test]
+    fn plates_that_were_not_held_against_the_same_stops_are_refused() {
+        let fit = |readings: &LensReadings| LensCalibration::fit(readings).map(|found| found.axis);
+        // Two plates that were turned freely.
+        let turned = LensReadings { same_stops: true, ..crosses(&mut Noise(1), 0.02, false) };
+        let error = fit(&turned).unwrap_err();
+        let CalibrationError::StopsTurned { z: [0.0, 30.0], turn } = error else { panic!("{error}") };
+        assert!((turn - 0.08).abs() < 1e-3, "{turn}");
+        // Three plates, of which one was shifted by 3 mm.
+        let lens = |seed: u64| {
+            let mut readings = crosses(&mut Noise(seed), 0.02, true);
+            let third = crosses(&mut Noise(seed + 1), 0.02, true);
+            let head = ScanHead {
+                lens: Lens::Perspective { x: DISTANCES[0], y: DISTANCES[1] },
+                axis: FieldPoint::new(104.0, 77.0),
+            };
+            let third = third.crosses[..9].iter().map(|cross| {
+                let at =
+                    Rotation2::new(0.01) * head.cast(cross.aim, 15.0).coords.xy() + Vector2::new(4.0, 8.0);
+                CrossReading { z: 15.0, measured: [Some(at.x), Some(at.y)], ..*cross }
+            });
+            readings.crosses.extend(third);
+            readings
+        };
+        let mut readings = lens(3);
+        assert!(fit(&readings).unwrap().is_some());
+        let shifted = readings.crosses.iter_mut().filter(|cross| cross.z == 15.0);
+        shifted.for_each(|cross| cross.measured[0] = cross.measured[0].map(|x| x + 3.0));
+        assert!(matches!(fit(&readings), Err(CalibrationError::StopsShifted { .. })));
+        // Positions on one plate, and distances on both.
+        let mut one = LensReadings { same_stops: true, ..distances(&mut Noise(2), 0.02) };
+        assert_eq!(fit(&one), Err(CalibrationError::StopsOfOnePlate { plates: 0 }));
+        one.crosses = crosses(&mut Noise(2), 0.02, true).crosses[..9].to_vec();
+        assert_eq!(fit(&one), Err(CalibrationError::StopsOfOnePlate { plates: 1 }));
     }
 
     #[test]

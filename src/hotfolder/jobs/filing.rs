@@ -213,7 +213,8 @@ pub(crate) fn known_skus(folders: &FolderPaths) -> BTreeSet<String> {
 }
 
 /// Moves an original that cannot be processed into the rejected folder, with the reason beside it. The reason is
-/// written first, so that every rejected file has one; it names the `station`'s file. `before` is called with the new path before the file is moved.
+/// written first, so that every rejected file has one; it names the `station`'s file. `before` is called with the new
+/// path before the file is moved.
 pub(crate) fn reject(
     station: &Path,
     folders: &FolderPaths,

@@ -7,7 +7,7 @@ use crate::geometry::mapping::MapError;
 use crate::geometry::mapping::cone::ConeError;
 use crate::geometry::mapping::cylinder::CylinderError;
 use crate::geometry::mapping::floater::FloaterError;
-use crate::geometry::mapping::isometric::IsometricError;
+use crate::geometry::mapping::isometric::{Instead, IsometricError};
 use crate::geometry::mapping::mapping_domain::MappingDomainError;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::pipeline::causes::Cause;
@@ -26,6 +26,8 @@ const UNKNOWN_SHARE: f64 = 0.1;
 const CAD: [&str; 2] = ["Open CASCADE", "FreeCAD"];
 /// Remaining stretch above this is worth a warning.
 const NOTABLE_STRETCH: f64 = 0.02;
+/// With a method for comparison, remaining stretch above this is worth a warning: a tenth of a percent, rounded.
+const TRUE_AS_DRAWN: f64 = 5e-4;
 /// A correction that adds more than this share of the length of all lines to their error is worth a notice.
 const NOTABLE_LOSS: f64 = 0.001;
 /// A distance between marks that changes by more than this share …
@@ -245,8 +247,8 @@ fn finer_facets(facts: &PartFacts) -> &'static str {
     }
 }
 
-/// Warns of lines that the correction makes less true than they are in the drawing as it is, because it keeps areas, shapes and
-/// distances too.
+/// Reports a map other than the one that the aim asks for. Warns of lines that the correction makes less true than they are in
+/// the drawing as it is, because it keeps areas, shapes and distances too.
 pub(in crate::pipeline) fn traded(
     map: &LengthTrueMap,
     before: Option<&Distortion>,
@@ -254,13 +256,35 @@ pub(in crate::pipeline) fn traded(
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) {
+    let CorrectionSettings { weighting, aim, .. } = settings.correction;
+    let instead = if let LengthTrueMap::Isometric(map) = map { map.instead } else { None };
+    match instead {
+        Some(Instead::LengthsAlone) => notices.push(Notice::note(
+            "lengths-alone",
+            "the usual map for the aim `lengths` would make the lines less true than they are without a correction, so this one \
+             keeps hardly anything but their lengths: shapes and distances change more",
+        )),
+        Some(Instead::AsDrawn) => {
+            let what = match (weighting, aim) {
+                (Weighting::Ink, Aim::Lengths) => "the lengths of the lines",
+                (Weighting::Ink, Aim::Areas) => "the sizes of the areas",
+                (Weighting::Ink, Aim::Shapes) => "the angles",
+                (Weighting::Ink, Aim::Balanced) | (Weighting::Uniform, _) => "lengths, areas and angles",
+            };
+            let message = format!(
+                "the drawing is marked as it is drawn: no correction was found that keeps {what} as well"
+            );
+            notices.push(Notice::warning("marked-as-drawn", message));
+            return;
+        }
+        _ => {}
+    }
     let Some(before) = before.filter(|_| !map.is_for_comparison()) else { return };
     let [was, is] = [before, after].map(|figures| figures.length_error);
     // What is not known of the part is in both errors, and what the correction gains elsewhere is worth a little.
     if is - after.uncertain.length_error <= was + NOTABLE_LOSS * after.length {
         return;
     }
-    let CorrectionSettings { weighting, aim, .. } = settings.correction;
     let remedy = if weighting == Weighting::Uniform || aim != Aim::Lengths {
         "For truer lines, try `aim = \"lengths\"` under [correction] (`--aim lengths`, with the weighting `ink`)."
     } else {
@@ -321,9 +345,15 @@ pub(in crate::pipeline) fn quality(
     let place = lift.point(map.point(after.max_stretch_at));
     let likely = after.max_stretch - PEAK_ONLY * after.uncertain.max_stretch;
     if map.is_for_comparison() {
+        if likely <= TRUE_AS_DRAWN {
+            return;
+        }
+        let method = match map {
+            LengthTrueMap::Plain => "the method `none` places the drawing without a correction",
+            _ => "this method is only for comparison",
+        };
         let text = format!(
-            "this method is only for comparison: line lengths are wrong by up to {:.1} %, and `auto` keeps them \
-             better",
+            "{method}: line lengths are wrong by up to {:.1} %; `isomark evaluate` shows what other methods leave",
             after.max_stretch * 100.0
         );
         notices.push(Notice::warning("not-length-true", text).at_places(place));

@@ -21,6 +21,8 @@ const MAX_DEPTH: usize = 32;
 pub(super) const IN_PAPER_SPACE: &str = "it is in paper space, not in model space";
 const IN_MODEL_SPACE: &str = "it is in model space, not on the sheet in paper space";
 const ON_OTHER_SHEET: &str = "it is on another sheet in paper space";
+/// Line weights up to this, mm, are those of any drawing: 0.25 is AutoCAD's default, and 0.35 the wide line of small ones.
+const USUAL_WEIGHT: f64 = 0.35;
 /// Largest coordinate, mm: ten kilometres.
 pub(super) const MAX_COORDINATE: f64 = 1e7;
 
@@ -35,10 +37,20 @@ pub(super) struct Unfolded {
     pub(super) skipped: Vec<Skipped>,
     /// Number of lines with dashes or dots in the drawing, which are read without gaps, and the first of them.
     pub(super) dashed: Option<(usize, EntityName)>,
+    /// Lines that are plotted much wider than a laser's line.
+    pub(super) heavy: Option<HeavyLines>,
     /// Entities of the inventory that produced several strokes or a fill, such as texts and wide lines.
     pub(super) drawn: BTreeSet<usize>,
     /// Number of lines that are drawn without their width, because it is less than that of a beam, and the first of them.
     pub(super) hairlines: Option<(usize, EntityName)>,
+}
+
+/// Lines with a large line weight, which are read as lines without a width.
+pub(super) struct HeavyLines {
+    pub(super) count: usize,
+    pub(super) first: EntityName,
+    /// The largest line weight, mm.
+    pub(super) widest: f64,
 }
 
 /// Unfolds all entities that are drawn; `unit` is the length of one unit of the drawing, mm.
@@ -205,6 +217,14 @@ impl<'u> Unfolding<'u> {
         if (is_hairline || matches!(item, Item::Curve(_))) && record.is_dashed(entry) {
             let first = || (0, structure.name(self.scan, record));
             self.result.dashed.get_or_insert_with(first).0 += 1;
+        }
+        if let (Item::Curve(_), Some(weight)) =
+            (item, record.line_weight(entry).filter(|w| *w > USUAL_WEIGHT))
+        {
+            let first = || HeavyLines { count: 0, first: structure.name(self.scan, record), widest: 0.0 };
+            let heavy = self.result.heavy.get_or_insert_with(first);
+            heavy.count += 1;
+            heavy.widest = heavy.widest.max(weight);
         }
         if !is_hairline && matches!(item, Item::Several(_) | Item::Fill(_) | Item::Wide(_)) {
             self.result.drawn.insert(index);

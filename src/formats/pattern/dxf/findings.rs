@@ -9,6 +9,7 @@ use super::super::findings::{MAX_PLACES, content, counted, only_without_font, re
 use super::super::reading::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
+use super::blocks::HeavyLines;
 use super::code_page::CodePage;
 use super::items::Remarks;
 use super::scan::Scan;
@@ -228,6 +229,18 @@ pub(super) fn look_notices(
         );
         facts.notices.push(Notice::warning("code-page-unknown", message));
     }
+}
+
+/// A note about lines that are plotted much wider than they are marked.
+pub(super) fn heavy_notice(heavy: Option<&HeavyLines>) -> Option<Notice> {
+    let HeavyLines { count, first, widest } = heavy?;
+    let message = format!(
+        "{} a line weight of up to {widest:.2} mm; each is marked once, along its centre line (first: {first} on layer {}); to mark the width, give \
+         the polyline a global width, or draw its outline",
+        counted(*count, "line has", "lines have"),
+        first.layer
+    );
+    Some(Notice::note("line-weight-unused", message))
 }
 
 /// The error for a drawing without paths, with the most likely cause.

@@ -108,6 +108,7 @@ fn read_within(
     shared::text_notices(remarks.texts.values(), &mut facts);
     findings::look_notices(&structure, &remarks, unfolded.dashed.as_ref(), &mut facts);
     facts.notices.extend(shared::hairline_notice(unfolded.hairlines.as_ref(), options.hairline));
+    facts.notices.extend(findings::heavy_notice(unfolded.heavy.as_ref()));
     shared::drawing_notices(&repaired, &mut facts);
     facts.notices.extend(findings::height_notice(unfolded.heights));
     if options.strict {

@@ -69,6 +69,8 @@ pub(super) struct LayerRecord {
     pub(super) plotted: bool,
     /// Whether its lines are drawn as dashes or dots.
     is_dashed: bool,
+    /// The width in which its lines are plotted, in 1/100 mm; below 0 for the program's default.
+    line_weight: i16,
 }
 
 /// An entry of the text style table.
@@ -120,6 +122,9 @@ pub(super) struct Record {
     pub(super) hidden: bool,
     /// Whether its line type has dashes or dots; `None` for the line type of its layer.
     is_dashed: Option<bool>,
+    /// The width in which it is plotted, in 1/100 mm, below 0 for that of its block or the program's default; `None` for that of
+    /// its layer.
+    line_weight: Option<i16>,
 }
 
 /// A colour as the entity gives it.
@@ -225,6 +230,13 @@ impl Record {
     /// Whether the entity is drawn as dashes or dots, on this layer.
     pub(super) fn is_dashed(&self, layer: Option<&LayerRecord>) -> bool {
         self.is_dashed.unwrap_or(layer.is_some_and(|layer| layer.is_dashed))
+    }
+
+    /// The width in which lines of the entity are plotted on this layer, mm; `None` for that of its block or the program's default.
+    pub(super) fn line_weight(&self, layer: Option<&LayerRecord>) -> Option<f64> {
+        let of_layer = || layer.map(|layer| layer.line_weight);
+        let weight = self.line_weight.or_else(of_layer)?;
+        (weight >= 0).then(|| f64::from(weight) / 100.0)
     }
 
     /// The pairs of the entity; the first one is its type.
@@ -366,6 +378,7 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
         off: false,
         plotted: true,
         is_dashed: false,
+        line_weight: -3,
     };
     let (mut aci, mut rgb) = (None, None);
     for pair in pairs.iter().take_while(|pair| pair.code < 1000) {
@@ -379,6 +392,7 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
             70 => layer.frozen = integer() & 1 == 1,
             6 => layer.is_dashed = is_dashed(scan.raw(pair)) == Some(true),
             290 => layer.plotted = integer() != 0,
+            370 => layer.line_weight = line_weight(scan, pair).unwrap_or(-3),
             420 => rgb = Some(rgb_of(integer())),
             _ => {}
         }
@@ -454,6 +468,11 @@ fn is_dashed(line_type: &[u8]) -> Option<bool> {
     if is(b"BYLAYER") || is(b"") { None } else { Some(!is(b"CONTINUOUS") && !is(b"BYBLOCK")) }
 }
 
+/// A line weight in 1/100 mm; `None` for BYLAYER (−1).
+fn line_weight(scan: &Scan<'_>, pair: &Pair) -> Option<i16> {
+    scan.number(pair).map(|number| number as i16).filter(|weight| *weight != -1)
+}
+
 fn rgb_of(value: i64) -> [u8; 3] {
     let [_, _, _, _, _, red, green, blue] = value.to_be_bytes();
     [red, green, blue]
@@ -502,6 +521,7 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
         in_paper_space: false,
         hidden: false,
         is_dashed: None,
+        line_weight: None,
     };
     // Groups in braces belong to other programs, and so does everything after the first application name (1001).
     let mut in_braces = false;
@@ -521,6 +541,7 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
                 aci = Some(index.unsigned_abs());
             }
             67 => record.in_paper_space = flag(),
+            370 => record.line_weight = line_weight(scan, pair),
             420 => rgb = Some(rgb_of(scan.number(pair).unwrap_or(0.0) as i64)),
             _ => {}
         }

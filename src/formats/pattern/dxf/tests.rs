@@ -60,6 +60,42 @@ fn polylines_narrower_than_the_beam_are_marked_once_along_their_centre() {
 }
 
 #[test]
+fn line_weights_much_wider_than_a_laser_line_are_reported_once() {
+    let layer = |name: &str, weight: i32| {
+        format!("0\nLAYER\n2\n{name}\n70\n0\n62\n7\n6\nCONTINUOUS\n370\n{weight}\n")
+    };
+    let layers = [layer("THICK", 50), layer("THIN", 35), layer("USUAL", -3)].concat();
+    let tables = section("TABLES", &format!("0\nTABLE\n2\nLAYER\n70\n3\n{layers}0\nENDTAB\n"));
+    let line = |handle: &str, layer: &str, weight: Option<i32>, y: i32| {
+        let weight = weight.map_or_else(String::new, |weight| format!("370\n{weight}\n"));
+        format!("0\nLINE\n5\n{handle}\n8\n{layer}\n{weight}10\n0\n20\n{y}\n11\n9\n21\n{y}\n")
+    };
+    let found = |lines: &[String]| {
+        let reading = read(&drawing(&tables, &lines.concat(), ""), &PatternOptions::default()).unwrap();
+        notice(&reading, "line-weight-unused")
+    };
+    // By layer without a code and with it, own, by block, default.
+    for (layer, weight, is_wide) in [
+        ("THICK", None, true),
+        ("THICK", Some(-1), true),
+        ("THICK", Some(25), false),
+        ("THICK", Some(-2), false),
+        ("THICK", Some(-3), false),
+        ("THIN", None, false),
+        ("THIN", Some(40), true),
+        ("USUAL", None, false),
+        ("NOT IN THE TABLE", None, false),
+        ("NOT IN THE TABLE", Some(211), true),
+    ] {
+        assert_eq!(found(&[line("2A", layer, weight, 0)]).is_some(), is_wide, "{layer}, {weight:?}");
+    }
+    let all = [line("2A", "THIN", None, 0), line("2B", "THICK", None, 1), line("2C", "THIN", Some(70), 2)];
+    let message = found(&all).unwrap();
+    assert!(message.starts_with("2 lines have a line weight of up to 0.70 mm"), "{message}");
+    assert!(message.contains("first: LINE 2B on layer THICK"), "{message}");
+}
+
+#[test]
 fn the_width_on_the_part_decides_where_a_block_is_scaled() {
     let content = polyline(0.4);
     let block = section("BLOCKS", &format!("0\nBLOCK\n2\nLOGO\n10\n0\n20\n0\n{content}0\nENDBLK\n"));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::super::error::{EntityName, PatternReadError};
-use super::super::facts::{LayerFacts, PatternFacts, Skipped};
+use super::super::facts::{LayerFacts, PatternFacts};
 use super::super::findings::{content, counted, only_without_font, reasons};
 use super::super::reading::Strokes;
 use super::walk::{Drawn, LAYER_COLOR, Remarks};
@@ -50,6 +50,13 @@ pub(super) fn look_notices(remarks: &Remarks, strokes: Strokes, facts: &mut Patt
     let named = |found: &Option<(usize, EntityName)>, one: &str, more: &str| {
         found.as_ref().map(|(count, first)| (counted(*count, one, more), first.to_string()))
     };
+    if let Some(ground) = &remarks.ground {
+        let message = format!(
+            "the white {ground} covers the whole page: it is its ground and is not marked. To mark it, give it another colour, or \
+             give `--strict`"
+        );
+        add(Notice::note("svg-ground", message));
+    }
     if let Some((count, first)) = named(&remarks.white, "shape is", "shapes are") {
         let message = format!(
             "{count} white but marked like all others (first: {first}); if white is the colour of the ground, delete \
@@ -83,7 +90,14 @@ pub(super) fn look_notices(remarks: &Remarks, strokes: Strokes, facts: &mut Patt
 }
 
 /// The error for a drawing without paths, with the most likely cause.
-pub(super) fn nothing_to_mark(skipped: &[Skipped]) -> PatternReadError {
+pub(super) fn nothing_to_mark(Drawn { skipped, remarks, .. }: &Drawn) -> PatternReadError {
+    if let (Some(_), []) = (&remarks.ground, skipped.as_slice()) {
+        return PatternReadError::NothingToMark {
+            found: "it contains only the white ground of the page".into(),
+            remedy: "To mark a rectangle over the whole page, give it another colour, or give `--strict`."
+                .into(),
+        };
+    }
     if let Some(error) = only_without_font(skipped) {
         return error;
     }

@@ -51,10 +51,11 @@ fn read_within(
     let mut walk = Walk::new(root, sheets, Lines::of(&text), budget, options.strokes, page.pixel, text::draw);
     walk.hairline = options.hairline;
     walk.content = options.content.as_ref();
+    walk.shown = Some(page.shown).filter(|_| !options.strict);
     walk.root(root, page.to_mm, page.viewport)?;
     let mut drawn = walk.drawn;
     if drawn.paths.is_empty() {
-        return Err(findings::nothing_to_mark(&drawn.skipped));
+        return Err(findings::nothing_to_mark(&drawn));
     }
     let layers: Vec<Layer> =
         drawn.layers.iter().map(|name| Layer { name: name.clone(), color: LAYER_COLOR }).collect();

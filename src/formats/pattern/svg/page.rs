@@ -10,6 +10,7 @@ use super::super::PatternOptions;
 use super::super::units::DrawingUnit;
 use super::style::user_units;
 use crate::geometry::pattern::Affine;
+use crate::geometry::space::{Extents, FlatPoint};
 use crate::reason::Notice;
 
 /// Size of a page without `width`, `height` and `viewBox`, pixels: the default of CSS for replaced elements.
@@ -22,6 +23,8 @@ pub(super) struct Page {
     pub(super) to_mm: Affine,
     /// Width and height of the page in user units, for percentages.
     pub(super) viewport: Vector2<f64>,
+    /// What is shown of the drawing, mm: the page, or the part of it that the `viewBox` is fitted to.
+    pub(super) shown: Extents,
     /// Size of a CSS pixel on the page, mm.
     pub(super) pixel: f64,
     pub(super) unit: DrawingUnit,
@@ -167,9 +170,17 @@ pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &Pattern
     let to_page = Affine { linear, offset: Vector2::new(0.0, size.y) };
     let viewport =
         view.map_or_else(|| own / pixel_of(&[width, height], pixel), |view| Vector2::new(view.w, view.h));
+    let to_mm = to_page.after(&user);
+    let mut shown = Extents { min: Vector2::zeros(), max: size };
+    if let Some(view) = view {
+        let corners = [[view.x, view.y], [view.x + view.w, view.y + view.h]];
+        let seen = Extents::of(corners.map(|[x, y]| to_mm.point(FlatPoint::new(x, y)).coords()));
+        shown = Extents { min: shown.min.sup(&seen.min), max: shown.max.inf(&seen.max) };
+    }
     Page {
-        to_mm: to_page.after(&user),
+        to_mm,
         viewport,
+        shown,
         pixel: DrawingUnit::Pixel96.in_mm() * (scale.x * scale.y).sqrt(),
         unit,
         why,

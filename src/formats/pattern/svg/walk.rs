@@ -41,6 +41,8 @@ const MAX_DASHES: f64 = 100_000.0;
 const WHITE: u8 = 0xf8;
 /// A clip path that cuts off less than this, mm, has no effect.
 const CLIP_TOLERANCE: f64 = 1e-3;
+/// The ground of a page may leave this share of its sides uncovered: programs round.
+const GROUND_TOLERANCE: f64 = 2e-3;
 
 /// Elements that draw nothing themselves.
 pub(super) const DEFINITIONS: &[&str] = &[
@@ -113,6 +115,8 @@ pub(super) struct Remarks {
     pub(super) hairlines: Option<(usize, EntityName)>,
     pub(super) undashed: Option<(usize, EntityName)>,
     pub(super) white: Option<(usize, EntityName)>,
+    /// The white ground of the page, which is not marked.
+    pub(super) ground: Option<EntityName>,
     pub(super) servers: Option<(usize, EntityName)>,
     pub(super) transparent: Option<(usize, EntityName)>,
     pub(super) cut: Option<(usize, EntityName)>,
@@ -163,6 +167,9 @@ pub(super) struct Walk<'a, 'd> {
     pub(super) pixel: f64,
     /// The values of fields in texts.
     pub(super) content: Option<&'a Content>,
+    /// What is shown of the drawing, mm; a white rectangle over all of it, below everything else, is its ground. `None` if the
+    /// ground is marked, too.
+    pub(super) shown: Option<Extents>,
     pub(super) drawn: Drawn,
     draw_text: DrawText<'a, 'd>,
     open: Vec<NodeId>,
@@ -198,6 +205,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             hairline: 0.0,
             pixel,
             content: None,
+            shown: None,
             drawn: Drawn::default(),
             draw_text,
             open: Vec::new(),
@@ -577,7 +585,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             Paint::Color { alpha: own, .. } if own * alpha == 0.0 => Paint::None,
             paint => paint,
         };
-        let fill = ink(style.fill, style.fill_alpha);
+        let mut fill = ink(style.fill, style.fill_alpha);
         let mut stroke = ink(style.stroke, style.stroke_alpha);
         if !(style.stroke_width > 0.0) && stroke != Paint::None {
             stroke = Paint::None;
@@ -594,6 +602,13 @@ impl<'a, 'd> Walk<'a, 'd> {
         self.spend(Cost::Drawn, pieces, node, context)?;
         let in_mm: Vec<Shape> = shapes.iter().map(|shape| transformed(shape, &map)).collect();
         self.check_reach(&in_mm, node, context)?;
+        if is_white(fill) && self.is_ground(&in_mm) {
+            self.drawn.remarks.ground = Some(self.lines.name(node, &context.layer));
+            fill = Paint::None;
+            if stroke == Paint::None {
+                return Ok(());
+            }
+        }
         self.note_paints(node, style, context, fill, stroke);
 
         // The filled area.
@@ -699,6 +714,25 @@ impl<'a, 'd> Walk<'a, 'd> {
         Ok(())
     }
 
+    /// Whether these shapes, in mm, are the ground of the page: a rectangle over all that is shown, before anything else is drawn.
+    fn is_ground(&self, shapes: &[Shape]) -> bool {
+        let (Some(shown), [shape]) = (&self.shown, shapes) else { return false };
+        if !self.drawn.paths.is_empty() {
+            return false;
+        }
+        let corners: Vec<_> = shape.segments().iter().map(|segment| segment.start().coords()).collect();
+        let own = Extents::of(corners.iter().copied());
+        let near = shown.size().max() * GROUND_TOLERANCE;
+        let is_on_border = |corner: &Vector2<f64>| {
+            (0..2).all(|axis| {
+                (corner[axis] - own.min[axis]).min(own.max[axis] - corner[axis]).abs() <= CLIP_TOLERANCE
+            })
+        };
+        let is_straight = shape.segments().iter().all(|segment| matches!(segment, Segment::Line { .. }));
+        let is_rectangle = is_straight && corners.len() >= 4 && corners.iter().all(is_on_border);
+        is_rectangle && own.grown(near).contains(shown.min) && own.grown(near).contains(shown.max)
+    }
+
     fn note_paints(
         &mut self,
         node: Node<'a, 'd>,
@@ -710,8 +744,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         let name = || self.lines.name(node, &context.layer);
         let remarks = &mut self.drawn.remarks;
         let paints = [(fill, style.fill_alpha), (stroke, style.stroke_alpha)];
-        let is_white = |rgb: [u8; 3]| rgb.iter().all(|channel| *channel >= WHITE);
-        if paints.iter().any(|(paint, _)| matches!(paint, Paint::Color { rgb, .. } if is_white(*rgb))) {
+        if paints.iter().any(|(paint, _)| is_white(*paint)) {
             count(&mut remarks.white, name);
         }
         if fill == Paint::Server || stroke == Paint::Server {
@@ -1024,6 +1057,10 @@ fn color(paint: Paint) -> Color {
     // Index 7 is the colour of the pen: black on paper.
     let aci = if rgb == [0; 3] { 7 } else { nearest_index(rgb) };
     Color::Rgb { aci, rgb }
+}
+
+fn is_white(paint: Paint) -> bool {
+    matches!(paint, Paint::Color { rgb, .. } if rgb.iter().all(|channel| *channel >= WHITE))
 }
 
 pub(super) fn transformed(shape: &Shape, map: &Affine) -> Shape {

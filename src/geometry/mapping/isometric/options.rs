@@ -2,9 +2,25 @@
 
 use super::strain::Weights;
 
+/// The largest angle error of a drawing as it is, round the top of a sphere, as a multiple of the one with equal weights.
+const UNCORRECTED_ANGLES: f64 = 2.0;
+
+/// A figure by which a map is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Figure {
+    /// The lengths of lines.
+    Lengths,
+    /// The sizes of inked areas.
+    Areas,
+    /// The angles of the ink.
+    Angles,
+}
+
 /// What a map keeps first. The weights of the strains multiply mean squares, so only their ratios matter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IsometricOptions {
+    /// The figure that comes first, in which the map must not be worse than the drawing as it is; `None` for all together.
+    pub first: Option<Figure>,
     /// Weight of the strain along the drawing's own lines.
     pub line_weight: f64,
     /// Weight of the strain of the inked area.
@@ -30,6 +46,7 @@ pub struct IsometricOptions {
 impl IsometricOptions {
     /// Equal weight over the whole box of the drawing.
     pub const UNIFORM: Self = Self {
+        first: None,
         line_weight: 0.0,
         area_weight: 0.0,
         angle_weight: 0.0,
@@ -54,6 +71,7 @@ impl IsometricOptions {
     /// The lengths of lines first, and of outlines that nothing fills nothing but their lengths; the ink may shear half as much
     /// again as with [`Self::UNIFORM`].
     pub const LENGTHS: Self = Self {
+        first: Some(Figure::Lengths),
         area_weight: 1.5,
         angle_weight: 0.1,
         angle_limit: 1.5,
@@ -61,9 +79,10 @@ impl IsometricOptions {
         ..Self::INK
     };
     /// The sizes of inked areas first.
-    pub const AREAS: Self = Self { line_weight: 0.2, area_weight: 40.0, ..Self::INK };
+    pub const AREAS: Self =
+        Self { first: Some(Figure::Areas), line_weight: 0.2, area_weight: 40.0, ..Self::INK };
     /// The shapes of the ink first: its angles.
-    pub const SHAPES: Self = Self { angle_weight: 4.0, ..Self::INK };
+    pub const SHAPES: Self = Self { first: Some(Figure::Angles), angle_weight: 4.0, ..Self::INK };
     /// One figure without regard to the others. It is only for comparison: the paper between the ink gives way freely.
     const ONE: Self = Self {
         line_weight: 0.0,
@@ -80,6 +99,12 @@ impl IsometricOptions {
     pub const ONLY_AREAS: Self = Self { area_weight: 1.0, ..Self::ONE };
     /// Nothing but the angles of the ink.
     pub const ONLY_ANGLES: Self = Self { angle_weight: 1.0, ..Self::ONE };
+
+    /// These options with the lengths of lines this many times as heavy; the ink may shear about as much as it does without a
+    /// correction.
+    pub(crate) fn nearly_lengths_alone(self, lengths: f64) -> Self {
+        Self { angle_limit: self.angle_limit.max(UNCORRECTED_ANGLES), ..self.emphasised(lengths, 1.0) }
+    }
 
     /// The same options with the weight of lines multiplied by `lengths` and the weight of angles by `angles`.
     pub fn emphasised(self, lengths: f64, angles: f64) -> Self {
