@@ -20,6 +20,7 @@ mod profiles;
 mod waves;
 mod shading;
 mod skins;
+mod small_ink;
 mod steep_scans;
 mod sweep;
 mod winding;
