@@ -8,6 +8,7 @@
 mod bounds;
 mod decimated;
 mod edges;
+mod flat_shading;
 mod exact_maps;
 mod forms;
 mod generated;
