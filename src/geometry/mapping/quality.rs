@@ -214,8 +214,8 @@ impl Spread {
     }
 
     /// How many times the mean of a doubt over the facets is that over the ink at most. Ink that covers the share s of them may be
-    /// where the squares of what is not known are 1/s times their mean (Cauchy & Schwarz), and nowhere more than [`PEAK`] squared. A line is as wide as its pieces are
-    /// long.
+    /// where the squares of what is not known are 1/s times their mean (Cauchy & Schwarz), and nowhere more than [`PEAK`]
+    /// squared. A line is as wide as its pieces are long.
     fn times_mean(&self, doubt: Uncertainty) -> f64 {
         let reach = doubt.reach();
         let squared = self.sides.iter().map(|side| 1.0 + reach / side.max(PIECE)).product::<f64>();
