@@ -147,7 +147,7 @@ fn placed(part: &Part, widths: &[f64], mut visit: impl FnMut(f64, Judged)) {
     }
 }
 
-/// Of lengths and areas one in six was too low, of angles one in eight.
+/// When the report had the mean over whole facets, one in twenty lengths and areas was too low.
 #[test]
 fn small_ink_on_coarse_facets_is_seldom_reported_too_low() {
     let profiles = || Profile::revolved_ones().into_iter();
