@@ -105,9 +105,20 @@ impl Uncertainty {
     /// The part is known.
     pub const NONE: Self = Self { slope: 0.0, height: 0.0 };
 
-    /// The doubt about the slope is a mean over a facet; at some place it is this many times as large. Sums need the mean,
-    /// largest values the latter.
+    /// The doubt about the slope is a mean over a facet; at some place it is this many times as large. Sums over many facets need
+    /// the mean, largest values the latter.
     pub const PEAK: f64 = 3.0;
+
+    /// That of a `slope`, rad, that changes its sign over `reach`, mm: the height is the sagitta of an arc that leaves its chord at this
+    /// angle.
+    pub(super) fn over(slope: f32, reach: f32) -> Self {
+        Self { slope, height: slope * reach / 4.0 }
+    }
+
+    /// Over how much of the surface the slope is wrong to one side, mm: about a facet of a mesh, a wave of a scan.
+    pub fn reach(self) -> f64 {
+        if self.slope > 0.0 { 4.0 * f64::from(self.height / self.slope) } else { 0.0 }
+    }
 
     /// The larger slope and the larger height of two.
     pub fn largest(self, other: Self) -> Self {
@@ -312,11 +323,8 @@ impl FacingPart {
         }
         let of_triangle = |triangle: usize| {
             let slope = self.mesh.slope_doubts[triangle];
-            let [a, b, c] = self.mesh.corners(triangle).0;
-            let longest =
-                (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared()).sqrt();
-            // The sagitta of an arc that leaves its chord at the angle of the doubt.
-            Uncertainty { slope, height: slope * longest as f32 / 4.0 }
+            let reach = if slope > 0.0 { self.mesh.reach_of_turn(triangle) } else { 0.0 };
+            Uncertainty::over(slope, reach as f32)
         };
         hits.iter()
             .map(|hit| hit.map_or(Uncertainty::NONE, |(triangle, _)| of_triangle(triangle as usize)))

@@ -19,6 +19,8 @@ pub struct TriMesh {
 enum Meaning {
     /// The surface that the mesh samples.
     Surface,
+    /// The same: somebody said so, whatever they look like.
+    Stated,
     /// Its edges only.
     Shading,
     /// Nothing: the part is its facets.
@@ -130,6 +132,16 @@ impl TriMesh {
         self.meaning == Meaning::Shading
     }
 
+    /// The same mesh, whose normals are said to be those of the surface.
+    pub fn with_stated_normals(self) -> Self {
+        Self { meaning: Meaning::Stated, ..self }
+    }
+
+    /// Whether the normals are said to be those of the surface.
+    pub fn normals_are_stated(&self) -> bool {
+        self.meaning == Meaning::Stated
+    }
+
     /// The same mesh as a part that is exactly its flat facets.
     pub fn with_flat_facets(self) -> Self {
         Self { meaning: Meaning::Facets, normals: Vec::new(), ..self }
@@ -143,6 +155,13 @@ impl TriMesh {
     /// The same mesh with nothing known of its normals.
     pub fn without_normals(self) -> Self {
         Self { meaning: Meaning::Surface, normals: Vec::new(), ..self }
+    }
+
+    /// The same mesh with nothing known of the normals of the `chosen` vertices, one flag for each.
+    pub fn without_normals_at(mut self, chosen: &[bool]) -> Self {
+        let normals = self.normals.iter_mut().zip(chosen).filter(|(_, chosen)| **chosen);
+        normals.for_each(|(normal, _)| *normal = Vector3::zeros());
+        self
     }
 
     /// The mesh with only the triangles for which `is_kept` is true.

@@ -21,6 +21,7 @@ pub mod smooth_mesh;
 mod osculating_jet;
 mod flats;
 pub mod shading;
+pub mod flat_shading;
 pub mod curved_triangle;
 pub mod solid;
 pub mod height_field;

@@ -12,8 +12,9 @@ mod scatter;
 mod sections;
 mod slopes;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
+use super::adjacency::facet_normal;
 use super::curved_triangle::CurvedTriangle;
 
 /// In files without normals, facets that meet at a larger angle than this, rad, are the two sides of an edge of the
@@ -27,6 +28,9 @@ pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
 /// Facets of one smooth face turn by less than this, rad, in any tessellation, also across a corner of both arcs of a sphere.
 pub(super) const MOST_BEND: f64 = 0.75;
+
+/// A facet turns notably along a direction if it turns by at least this share of its largest turn.
+const NOTABLE_TURN: f64 = 0.3;
 
 /// Triangles over shared vertices, in the frame of a view, mm.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -86,6 +90,29 @@ impl SmoothMesh {
             creases.for_each(|crease| edges[crease.side as usize % 3] = Some(crease.directions));
         }
         CurvedTriangle::beside_edges(corners, normals, edges)
+    }
+
+    /// How far a triangle reaches along the directions in which its normals turn notably, mm: the width of a facet of a strip, the
+    /// longer side of others.
+    pub(super) fn reach_of_turn(&self, triangle: usize) -> f64 {
+        let (corners, normals) = self.corners(triangle);
+        let sides = [corners[1] - corners[0], corners[2] - corners[0], corners[2] - corners[1]];
+        let longest = sides.iter().map(|side| side.norm()).fold(0.0, f64::max);
+        let Some(along) = sides[0].try_normalize(0.0) else { return longest };
+        let across = facet_normal(corners).cross(&along);
+        let flat = |vector: Vector3<f64>| Vector2::new(vector.dot(&along), vector.dot(&across));
+        let steps = Matrix2::from_columns(&[flat(sides[0]), flat(sides[1])]);
+        let turns = Matrix2::from_columns(&[flat(normals[1] - normals[0]), flat(normals[2] - normals[0])]);
+        let Some(bend) = steps.try_inverse().map(|inverse| turns * inverse) else { return longest };
+        let eigen = (bend.transpose() * bend).symmetric_eigen();
+        let along_axes = [0, 1].map(|axis| {
+            let direction = eigen.eigenvectors.column(axis);
+            let reach = sides.iter().map(|side| flat(*side).dot(&direction).abs()).fold(0.0, f64::max);
+            (reach, reach * eigen.eigenvalues[axis].max(0.0).sqrt())
+        });
+        let most = along_axes[0].1.max(along_axes[1].1);
+        let turning = along_axes.iter().filter(|(_, turn)| *turn >= NOTABLE_TURN * most);
+        turning.map(|(reach, _)| *reach).fold(0.0, f64::max)
     }
 
     /// The ends of a side, mm.

@@ -23,13 +23,13 @@ use super::fitted;
 use super::forms::{ALL, Normals};
 use super::profiles::Profile;
 
-type Height = fn(f64, f64) -> f64;
+pub(super) type Height = fn(f64, f64) -> f64;
 
 /// The least share of a true result that is reported: of the length error, the area error, the largest angle error, the
 /// largest stretch of a length and of an area. Below 1: what is not known of a coarse mesh without normals is estimated.
 const FLOORS: [f64; 5] = [1.0, 1.0, 0.97, 0.97, 0.97];
 
-const SHAPES: [(&str, Height); 5] = [
+pub(super) const SHAPES: [(&str, Height); 5] = [
     ("mandarin", shapes::mandarin),
     ("mouse", shapes::mouse),
     ("saddle", shapes::saddle),
@@ -57,13 +57,13 @@ fn noise(index: usize, salt: u64) -> f64 {
 pub(super) const SLACK: [f64; 5] = [0.002, 0.002, 0.002, 0.05, 0.05];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+pub(super) enum Kind {
     Even,
     Uneven,
     Decimated,
 }
 
-fn flat_mesh(kind: Kind, edge: f64) -> (Vec<[f64; 2]>, Vec<[u32; 3]>) {
+pub(super) fn flat_mesh(kind: Kind, edge: f64) -> (Vec<[f64; 2]>, Vec<[u32; 3]>) {
     let radius = 26.0;
     let start = if kind == Kind::Decimated { edge / 2.0 } else { edge };
     let flat = shapes::graph(radius, start, |_, _| 0.0);

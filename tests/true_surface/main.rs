@@ -8,6 +8,7 @@
 mod bounds;
 mod decimated;
 mod edges;
+mod flat_shading;
 mod exact_maps;
 mod forms;
 mod generated;
@@ -20,6 +21,7 @@ mod profiles;
 mod waves;
 mod shading;
 mod skins;
+mod small_ink;
 mod steep_scans;
 mod sweep;
 mod winding;

@@ -11,6 +11,8 @@ const EDGE_OF_DESIGN: f64 = 0.70;
 const SLIVERS: f64 = 0.01;
 /// Smallest share of positions between facets at small angles; below it the part has no curvature to lose.
 const BENT: f64 = 0.05;
+/// Sides of the design that are told apart at one position, as at the corner of a box.
+const SIDES: usize = 3;
 
 /// Positions, and triangles as indices into them.
 pub(super) type IndexedTriangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
@@ -36,16 +38,22 @@ pub(super) fn weld_facets(
         }
     }
     let (welded, welded_triangles) = weld(positions, triangles);
-    let mut first_normals = vec![Vector3::zeros(); welded.len()];
+    // Where an edge of the design runs along the curved surface, facets on both sides of it meet at one position.
+    let mut known = vec![[Vector3::zeros(); SIDES]; welded.len()];
     let mut is_bent = vec![false; welded.len()];
     for (triangle, corners) in welded_triangles.iter().enumerate() {
         for (corner, &position) in corners.iter().enumerate() {
-            let (first, here) = (&mut first_normals[position as usize], normal(triangle, corner));
-            if *first == Vector3::zeros() {
-                *first = here;
+            let here = normal(triangle, corner);
+            let known = &mut known[position as usize];
+            let beside = known.iter().find(|other| is_within(EDGE_OF_DESIGN, **other, here));
+            match beside {
+                Some(other) => is_bent[position as usize] |= !is_within(SAME_NORMAL, *other, here),
+                None => {
+                    if let Some(free) = known.iter_mut().find(|other| **other == Vector3::zeros()) {
+                        *free = here;
+                    }
+                }
             }
-            is_bent[position as usize] |=
-                is_within(EDGE_OF_DESIGN, *first, here) && !is_within(SAME_NORMAL, *first, here);
         }
     }
     let bent = is_bent.iter().filter(|bent| **bent).count();

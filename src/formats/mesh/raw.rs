@@ -11,6 +11,7 @@ use super::{
     PartFacts, PartReading, Shape, SolidPart, UpAxis,
 };
 use crate::formats::Pace;
+use crate::geometry::flat_shading;
 use crate::geometry::holes::{self, Bridge};
 use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::noise;
@@ -28,6 +29,10 @@ pub(super) const MAX_TRIANGLES: usize = 10_000_000;
 pub(super) const QUICK_TRIANGLES: usize = 200_000;
 /// Largest number of points of a scan; a million is already finer than any marking needs.
 pub(super) const MAX_POINTS: usize = 10_000_000;
+
+/// A smooth surface that leaves flat facets by more than this, mm, is not what their designer meant if they are a design. CAD
+/// programs cut round faces into facets that leave them by 0.1 mm at most unless they are told otherwise.
+const NOTABLE_BULGE: f64 = 0.15;
 
 /// A part in the unit and axes of its file.
 pub(super) struct RawPart {
@@ -327,6 +332,10 @@ struct Understood {
     missing: usize,
     /// Whether the settings ask for normals that the file does not have.
     lacks_normals: bool,
+    /// How far the smooth surface leaves facets that may be meant as they are, mm.
+    rounded: f64,
+    /// Whether the file's normals make facets flat that may be those of a round face.
+    has_flat_facets: bool,
 }
 
 /// The mesh whose triangles run alike, with small holes bridged and normals that mean what the options ask for.
@@ -338,6 +347,15 @@ fn understood_mesh(
     let (mesh, winding) = winding::made_alike(mesh);
     let (mesh, bridges) = holes::bridged(mesh, options.bridge);
     let noise = noise::of(&mesh).map(|noise| MeshNoise::new(&noise));
+    let flat = flat_shading::flat_bodies(&mesh).filter(|_| options.normals == NormalsChoice::Auto);
+    let mesh = match &flat {
+        Some(chosen) if chosen.iter().all(|is_flat| *is_flat) => {
+            *found = NormalsFound::FacetsOnly;
+            mesh.without_normals()
+        }
+        Some(chosen) => mesh.without_normals_at(chosen),
+        None => mesh,
+    };
     if shading::only_shade(&mesh) {
         *found = NormalsFound::Averaged;
     }
@@ -362,7 +380,12 @@ fn understood_mesh(
         (NormalsChoice::Auto, NormalsFound::Smooth) => of_file,
         (NormalsChoice::File, NormalsFound::Averaged | NormalsFound::Smooth) => of_file,
     };
+    let is_rounded = used == NormalsUsed::Estimated && *found != NormalsFound::Averaged || flat.is_some();
+    let looks_round = || flat_shading::largest_bulge(&mesh);
+    let is_open = options.normals == NormalsChoice::Auto && mesh.triangles().len() <= QUICK_TRIANGLES;
     let understood = Understood {
+        rounded: if is_open && is_rounded { looks_round() } else { 0.0 },
+        has_flat_facets: is_open && flat_shading::leaves_facets_open(&mesh),
         winding,
         bridges,
         noise,
@@ -376,6 +399,7 @@ fn understood_mesh(
         (NormalsUsed::Estimated | NormalsUsed::Smoothed, NormalsFound::Averaged, _) => {
             mesh.with_shading_normals()
         }
+        (NormalsUsed::File | NormalsUsed::Mixed, _, NormalsChoice::File) => mesh.with_stated_normals(),
         _ => mesh,
     };
     Ok((mesh, understood))
@@ -389,11 +413,28 @@ impl Understood {
                 "the settings ask for the file's normals, and it has none: they are estimated from the mesh";
             Notice::warning("normals-missing", message)
         });
+        let rounded = (self.rounded > NOTABLE_BULGE).then(|| {
+            let message = format!(
+                "nothing in the file tells whether the part is round or its facets are flat: they are taken for those of a \
+                 smooth surface, which is up to {:.2} mm above them. If they are meant as they are, set `normals = \"facets\"` \
+                 (`--normals facets`); if the part is round, export it with smooth shading or with a smaller deviation",
+                self.rounded
+            );
+            Notice::warning("facets-rounded", message)
+        });
+        let flat = self.has_flat_facets.then(|| {
+            let message = "facets that look like those of a round face are shaded flat, and others beside them smooth: they are \
+                           marked as flat, and the reported errors are those of either shape. If they are flat, set \
+                           `normals = \"file\"` (`--normals file`); if they are round, shade them smooth, too";
+            Notice::warning("facets-flat", message)
+        });
         let noisy = self.noise.zip(self.used).map(|(noise, used)| noise.notice(used));
         winding_notices(&self.winding, triangles)
             .chain(bridge_notice(&self.bridges))
             .chain(lacking)
             .chain(noisy)
+            .chain(rounded)
+            .chain(flat)
     }
 }
 

@@ -421,10 +421,21 @@ fn unroll(
     match find(Ok(wide)) {
         Ok(map) if is_near(&map, WIDER) => {
             let map = map.determined(&patch);
-            Ok(if is_near(&map, 1.0) { map } else { narrow })
+            let is_confirmed = is_near(&map, 1.0) && is_on_vertices(&map, surface, ink, &reached);
+            Ok(if is_confirmed { map } else { narrow })
         }
         _ => Ok(narrow),
     }
+}
+
+/// Whether the part is on the primitive of a map as far beyond the ink as the facets reach there whose surface is not known: only
+/// their vertices show it, and within a facet any surface is nearly a cylinder.
+fn is_on_vertices(map: &LengthTrueMap, surface: &FittedSurface, ink: &Ink, reached: &Extents) -> bool {
+    let ends = ink.pieces.iter().map(|piece| piece.from).chain(ink.dots.iter().copied());
+    let reach = ends.map(|end| surface.uncertainty(map.point(end)).reach()).fold(0.0, f64::max);
+    let around = SampledPatch::under(surface, &reached.grown(reach));
+    let residual = around.map(|around| map.clone().determined(&around).fit_residual());
+    reach == 0.0 || residual.is_ok_and(|off| off.is_some_and(|off| off <= WIDER * Method::EXACT_TOLERANCE))
 }
 
 /// How many times as wide as the ink, round the axis, the surface is that determines the radius; its residual may be as many times

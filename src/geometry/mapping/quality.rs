@@ -1,6 +1,6 @@
 //! Measures how well lengths, areas and angles are kept on the part: the quality results of every report.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::{Block, Ink, Piece, is_before};
@@ -15,6 +15,8 @@ pub const SQUARE: f64 = 0.2;
 
 /// How many times the mean of a doubt its largest value is.
 const PEAK: f64 = Uncertainty::PEAK;
+/// The same for angles, to which errors of the slope in two directions add.
+const PEAK_OF_ANGLE: f64 = 3.4;
 
 /// The differences between the drawing and its image on the part.
 ///
@@ -130,6 +132,7 @@ fn measure_with(
     doubt: impl Fn(ViewPoint) -> Uncertainty,
 ) -> Result<Distortion, ViewPoint> {
     let lift = |flat: FlatPoint| lift(flat, &map, &height);
+    let spread = Spread::of(ink);
     let mut distortion = Distortion {
         length_error: 0.0,
         area_error: 0.0,
@@ -150,15 +153,16 @@ fn measure_with(
         let stretch = (to - from).norm() / drawn - 1.0;
         let doubt = doubt(ViewPoint::from(nalgebra::center(&from, &to).coords.xy()));
         let along = to - from;
-        let uncertain = (1.0 + stretch) * share(along.z.abs() / along.xy().norm(), doubt);
+        let share = (1.0 + stretch) * share(along.z.abs() / along.xy().norm(), doubt);
+        let uncertain = share * spread.times_mean(doubt);
         let most = stretch.abs() + uncertain;
-        let peak = PEAK * uncertain;
+        let peak = PEAK * share;
         widen(&mut range, stretch - peak);
         widen(&mut range, stretch + peak);
         distortion.length += drawn;
-        let sideways = nalgebra::Vector2::new(piece.from.y - piece.to.y, piece.to.x - piece.from.x) / 2.0;
+        let sideways = Vector2::new(piece.from.y - piece.to.y, piece.to.x - piece.from.x) / 2.0;
         let middle = piece.from.lerp(piece.to, 0.5);
-        let beside = |step: nalgebra::Vector2<f64>| lift(middle + step);
+        let beside = |step: Vector2<f64>| lift(middle + step);
         // A point beside the piece may be outside the part; then the angle is not measured.
         if let (Ok(left), Ok(right)) = (beside(sideways), beside(-sideways)) {
             distortion.include_angle([&along, &(left - right)], doubt);
@@ -179,12 +183,44 @@ fn measure_with(
     match relief {
         None => {
             for square in &ink.squares {
-                distortion.include(&Square::measure(*square, ink.side, lift, &doubt)?, 1.0);
+                distortion.include(&Square::measure(*square, ink.side, lift, &doubt, &spread)?, 1.0);
             }
         }
         Some(relief) => measure_blocks(ink, relief, &map, lift, doubt, &mut distortion)?,
     }
     Ok(distortion)
+}
+
+/// The mean of the sizes of normally distributed errors as a share of their root mean square: √(2/π).
+const OF_SIZES: f64 = 0.8;
+
+/// How far ink spreads: the sides of the rectangle, in any direction, over which ink has the same moments if it covers it evenly,
+/// mm.
+struct Spread {
+    sides: [f64; 2],
+}
+
+impl Spread {
+    fn of(ink: &Ink) -> Self {
+        let pieces = ink.pieces.iter().map(|piece| piece.from.lerp(piece.to, 0.5).coords());
+        let places = || pieces.clone().chain(ink.squares.iter().map(|square| square.coords()));
+        let count = places().count().max(1) as f64;
+        let middle = places().sum::<Vector2<f64>>() / count;
+        let moments: Matrix2<f64> =
+            places().map(|place| (place - middle) * (place - middle).transpose()).sum::<Matrix2<f64>>()
+                / count;
+        let sides = moments.symmetric_eigenvalues().map(|moment| (12.0 * moment.max(0.0)).sqrt());
+        Self { sides: sides.into() }
+    }
+
+    /// How many times the mean of a doubt over the facets is that over the ink at most. Ink that covers the share s of them may be
+    /// where the squares of what is not known are 1/s times their mean (Cauchy & Schwarz), and nowhere more than [`PEAK`]
+    /// squared. A line is as wide as its pieces are long.
+    fn times_mean(&self, doubt: Uncertainty) -> f64 {
+        let reach = doubt.reach();
+        let squared = self.sides.iter().map(|side| 1.0 + reach / side.max(PIECE)).product::<f64>();
+        if reach > 0.0 { (OF_SIZES * squared.sqrt()).clamp(1.0, PEAK) } else { 1.0 }
+    }
 }
 
 /// An inked square on the part.
@@ -207,6 +243,7 @@ impl Square {
         side: f64,
         lift: impl Fn(FlatPoint) -> Result<Point3<f64>, ViewPoint>,
         doubt: impl Fn(ViewPoint) -> Uncertainty,
+        spread: &Spread,
     ) -> Result<Self, ViewPoint> {
         let half = side / 2.0;
         let corner = |x: f64, y: f64| lift(FlatPoint::new(center.x + x * half, center.y + y * half));
@@ -216,9 +253,10 @@ impl Square {
         let across = (b - a) + (c - d);
         let up = (d - a) + (c - b);
         let doubt = doubt(ViewPoint::from(nalgebra::center(&a, &c).coords.xy()));
-        let uncertain = area * share(tilt(&across, &up), doubt);
+        let mean = area * share(tilt(&across, &up), doubt);
         let error = (area - drawn).abs();
-        Ok(Self { error, uncertain, stretch: (error + PEAK * uncertain) / drawn, across, up, doubt })
+        let uncertain = mean * spread.times_mean(doubt);
+        Ok(Self { error, uncertain, stretch: (error + PEAK * mean) / drawn, across, up, doubt })
     }
 }
 
@@ -301,10 +339,10 @@ impl Estimate {
         let steepest = squares.iter().map(|square| tilt(&square.across, &square.up)).fold(0.0, f64::max);
         let between = share(steepest, Uncertainty { slope: slope as f32, height: 0.0 });
         let doubted = squares.iter().map(|square| square.doubt).fold(Uncertainty::NONE, Uncertainty::largest);
-        let beyond = PEAK * (share(steepest, known.uncertainty) - share(steepest, doubted)).max(0.0);
+        let beyond = PEAK_OF_ANGLE * (share(steepest, known.uncertainty) - share(steepest, doubted)).max(0.0);
         let angle = |square: &Square| {
             let Square { across, up, doubt, .. } = square;
-            angle_error(across, up) + PEAK * share(tilt(across, up), *doubt)
+            angle_error(across, up) + PEAK_OF_ANGLE * share(tilt(across, up), *doubt)
         };
         Self {
             mean: of_squares.map(|[mean, _]| mean),
@@ -331,7 +369,8 @@ fn measure_blocks(
             missing = Some((at, seen));
         }
     };
-    let measure = |at: FlatPoint| Square::measure(at, ink.side, &lift, &doubt);
+    let spread = Spread::of(ink);
+    let measure = |at: FlatPoint| Square::measure(at, ink.side, &lift, &doubt, &spread);
     let examine = |distortion: &mut Distortion, block: Block| {
         let area = relief.image(block.corners(ink.side).map(&map));
         let known = match relief.over(&area) {
@@ -456,7 +495,7 @@ impl Distortion {
     /// Includes the angle error where unit steps of the drawing become two vectors on the part, with a doubt about
     /// the part.
     fn include_angle(&mut self, [across, up]: [&Vector3<f64>; 2], doubt: Uncertainty) {
-        let uncertain = PEAK * share(tilt(across, up), doubt);
+        let uncertain = PEAK_OF_ANGLE * share(tilt(across, up), doubt);
         self.max_angle_error = self.max_angle_error.max(angle_error(across, up) + uncertain);
         self.uncertain.max_angle_error = self.uncertain.max_angle_error.max(uncertain);
         self.uncertain.max_slope = self.uncertain.max_slope.max(f64::from(doubt.slope));

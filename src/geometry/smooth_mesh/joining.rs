@@ -11,6 +11,7 @@ use super::sections::Facets;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld, width};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
+use crate::geometry::flat_shading::turns_of_facets;
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, refined_normal};
@@ -208,8 +209,24 @@ impl SmoothMesh {
         smooth.creases = smooth.edges_between(beside, &is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
+        smooth.doubt_flat_shading(mesh);
         smooth.trust(&is_round, &mut []);
         smooth
+    }
+
+    /// Doubts the slopes of facets that are shaded flat as those of a round face may be, where the rest of their body is shaded
+    /// smooth: the slope of an arc differs from that of its chord by up to half the angle between two chords.
+    fn doubt_flat_shading(&mut self, mesh: &TriMesh) {
+        if mesh.normals().is_empty() || mesh.normals_are_stated() {
+            return;
+        }
+        let turns = turns_of_facets(mesh);
+        self.slope_doubts.resize(turns.len().max(self.slope_doubts.len()), 0.0);
+        for (doubt, turn) in
+            self.slope_doubts.iter_mut().zip(turns).filter(|(_, turn)| *turn > NORMAL_TOLERANCE)
+        {
+            *doubt = doubt.max((turn / 12f64.sqrt()) as f32);
+        }
     }
 
     /// Leaves no doubt about the triangles that are on a cylinder, and no `deviations` of the normals of their vertices.
