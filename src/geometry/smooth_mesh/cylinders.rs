@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::SmoothMesh;
-use crate::geometry::adjacency::{NONE, facet_normal, width};
+use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, width};
 use crate::geometry::cylinder::Cylinder;
 use crate::geometry::shape_fit::{self, cross_directions};
 
@@ -53,12 +53,21 @@ const ROUNDS: usize = 8;
 const MOST_TRIANGLES: usize = 300_000;
 /// Facets beyond the end of a cylinder continue it, straight, where they lean along its axis by less than this, rad.
 const STRAIGHT: f64 = 1e-3;
-/// The chords of a smooth profile change in length by at most 1.6 from one to the next (`chains`); a cylinder is at least so many
-/// times as long as the facets of the curve that continues it.
+/// The arc of a profile that the facets of a cylinder may be part of has chords of about the same length; a cylinder is at least so
+/// many times as long as the facets of a fillet at its end.
 const LONGER: f64 = 2.0;
-/// Its facets may also be the only ones of an arc that goes on in the next ones, as on an oval. A cylinder is so long that an arc
-/// as narrow as that of the next facets would leave it so many times as far as the arcs round the axis.
+/// Vertices on an arc that begins at a rim in the direction of the cylinder show its radius to within this share. Those of one that
+/// begins in another direction, as at the end of a crowned roller, do not.
+const SAME_RADIUS: f64 = 0.05;
+/// A vertex is compared with the next one that is so many times as far beyond the rim.
+const NEXT: f64 = 1.3;
+/// The facets of a cone beyond an edge lean alike, within this, rad.
+const IN_LINE: f64 = 0.01;
+/// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A cylinder is so long that an arc as
+/// narrow as theirs would leave it so many times as far as the arcs round the axis.
 const IMPLAUSIBLE: f64 = 12.0;
+/// The share of a rim at which other things than the end of a cylinder may seem to follow: facets stand unevenly there.
+const UNLIKE: f64 = 0.1;
 /// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a cylinder that
 /// would leave the arc of a fillet by so many times as far as those of the cylinder meet it at an edge.
 const FARTHER: f64 = 2.0;
@@ -143,7 +152,8 @@ pub(super) fn settle(
 /// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges.
 fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>)> {
     let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
-    let search = Search { mesh, near: ON.max(DIGITS * largest) };
+    let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
+    let search = Search { mesh, around, near: ON.max(DIGITS * largest) };
     let mut is_known = vec![false; mesh.triangles.len()];
     let mut groups = Vec::new();
     for triangle in 0..mesh.triangles.len() {
@@ -172,8 +182,62 @@ impl SmoothMesh {
     }
 }
 
+/// A place beyond a rim of a cylinder, mm: along its axis, and towards or away from it.
+#[derive(Clone, Copy)]
+struct Beyond {
+    past: f64,
+    off: f64,
+}
+
+impl Beyond {
+    fn distance(&self) -> f64 {
+        self.past.hypot(self.off)
+    }
+
+    /// The angle of the chord from the rim, as a sine.
+    fn lean(&self) -> f64 {
+        self.off / self.distance()
+    }
+
+    /// The radius of the arc that begins at the rim in the direction of the cylinder, mm.
+    fn radius(&self) -> f64 {
+        self.distance().powi(2) / (2.0 * self.off)
+    }
+}
+
+/// What follows a rim of a cylinder along the profile.
+struct End {
+    first: Beyond,
+    next: Option<Beyond>,
+    /// Of the facet at the rim, mm.
+    width: f64,
+    /// The length of the cylinder, mm.
+    own: f64,
+}
+
+impl End {
+    /// Whether it follows a cylinder, and not an arc that leaves its facets as far as they leave those round the axis (`bulge`, mm):
+    /// straight on, in a fillet, or at an edge. Vertices may be off by `near`, mm.
+    fn is_of_cylinder(&self, bulge: f64, near: f64) -> bool {
+        let Self { first, next, width, own } = self;
+        let lean = first.lean();
+        if lean < STRAIGHT {
+            return true;
+        }
+        if width * LONGER > *own {
+            return false;
+        }
+        let Some(next) = next else { return own * own * lean / (4.0 * width) > IMPLAUSIBLE * bulge };
+        let limit = SAME_RADIUS + near / first.off;
+        let touches = (first.radius() / next.radius() - 1.0).abs() < limit;
+        let is_edge = width * lean / 4.0 > FARTHER * bulge;
+        touches || is_edge && (next.lean() - lean).abs() < IN_LINE
+    }
+}
+
 struct Search<'a> {
     mesh: &'a SmoothMesh,
+    around: Neighbours,
     /// Vertices on a cylinder are this close to it, mm.
     near: f64,
 }
@@ -325,26 +389,45 @@ impl Search<'_> {
         if count < LEAST_VERTICES || angles.len() < LEAST_ANGLES {
             return false;
         }
+        let ends = self.ends(group);
+        if ends.is_empty() {
+            return true;
+        }
         let along = corners().map(|point| cylinder.split(&point).0);
-        let [low, high] = along
+        let rims = along
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
         let bulge = self.largest_bulge(group);
-        let continues = |beyond: usize| {
+        let (mut rim, mut unlike) = (0.0, 0.0);
+        for (side, beyond) in ends {
             let corners = self.mesh.corners(beyond / 3).0;
-            let apex = corners[(beyond % 3 + 2) % 3];
-            let (along, outside) = (cylinder.split(&apex).0, cylinder.distance(&apex));
-            let past = (along - high).max(low - along);
-            // Beyond a rim, the facets of a fillet need not stand above their own side: what leans is the profile.
-            let lean = if past > self.near {
-                outside.abs() / outside.hypot(past)
-            } else {
-                facet_normal(corners).dot(&cylinder.axis).abs()
+            let apex = self.mesh.triangles[beyond / 3][(beyond % 3 + 2) % 3];
+            let Some(first) = self.beyond(cylinder, rims, apex) else {
+                if facet_normal(corners).dot(&cylinder.axis).abs() < STRAIGHT {
+                    continue;
+                }
+                return false;
             };
-            let (length, own) = (width(corners, beyond % 3), high - low);
-            lean < STRAIGHT
-                || length * LONGER <= own && own * own * lean / (4.0 * length) > IMPLAUSIBLE * bulge
-        };
-        self.ends(group).into_iter().all(|(_, beyond)| continues(beyond))
+            let [from, to] = self.mesh.ends(side);
+            let length = (to - from).norm();
+            rim += length;
+            let next = self.around.of_vertex(apex as usize).iter();
+            let next = next.filter_map(|&vertex| self.beyond(cylinder, rims, vertex));
+            let next = next.filter(|next| next.distance() > NEXT * first.distance());
+            let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
+            let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };
+            if !profile.is_of_cylinder(bulge, self.near) {
+                unlike += length;
+            }
+        }
+        unlike <= UNLIKE * rim
+    }
+
+    /// Where a vertex is beyond the rims of a cylinder, if it is.
+    fn beyond(&self, cylinder: &Cylinder, [low, high]: [f64; 2], vertex: u32) -> Option<Beyond> {
+        let at = self.mesh.positions[vertex as usize];
+        let along = cylinder.split(&at).0;
+        let past = (along - high).max(low - along);
+        (past > self.near).then(|| Beyond { past, off: cylinder.distance(&at).abs() })
     }
 
     /// The vertices of a group at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
@@ -546,6 +629,39 @@ mod tests {
                 assert_eq!(doubt, 0.0, "R {radius}, fillet {fillet}");
             }
             assert_eq!(found, 2 * steps, "R {radius}, fillet {fillet}");
+        }
+    }
+
+    #[test]
+    fn the_crown_of_a_roller_between_fillets_is_no_cylinder() {
+        // Turned on a lathe: a crown in one chord, which begins its fillets in another direction than a cylinder would.
+        for (profile, fillet, steps) in [(28.0, 3.0, 15), (28.0, 3.0, 30), (60.0, 4.0, 18), (60.0, 4.0, 24)] {
+            let turn = std::f64::consts::TAU / f64::from(steps);
+            let angles: Vec<f64> = (0..=steps / 2).map(|step| f64::from(step) * turn).collect();
+            let (end, radius) = (turn / 2.0, 30.0);
+            let chords = ((std::f64::consts::FRAC_PI_2 - end) / turn).round().max(2.0) as i32;
+            let ring = |index: i32| {
+                let beyond =
+                    f64::from(index.abs() - 1) * (std::f64::consts::FRAC_PI_2 - end) / f64::from(chords);
+                let (center, middle) = (radius - profile, (profile - fillet) * end.sin());
+                let across = center + (profile - fillet) * end.cos() + fillet * (end + beyond).cos();
+                let height = middle + fillet * (end + beyond).sin();
+                (across, f64::from(index.signum()) * height, angles.as_slice())
+            };
+            let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+            let indices = (-chords - 1..=-1).chain(1..=chords + 1);
+            for (low, high) in indices.clone().zip(indices.skip(1)) {
+                strip(&mut positions, &mut triangles, [ring(low), ring(high)]);
+            }
+            let roller = smooth(positions, triangles);
+            let limit = (profile * end.sin()).abs() + 1e-9;
+            for triangle in 0..roller.triangles.len() {
+                let (corners, normals) = roller.corners(triangle);
+                if corners.iter().all(|at| at.z.abs() < limit) {
+                    let leans = normals.iter().any(|normal| normal.z.abs() > 1e-3);
+                    assert!(leans, "{steps} steps, crown of {profile}: {normals:?}");
+                }
+            }
         }
     }
 
