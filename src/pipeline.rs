@@ -323,10 +323,7 @@ impl Pipeline {
         let shortened = chords::of_ink(&placed, &bent.shortening, settings);
         let Bent { mut drawing, mut drawn, .. } = bent;
         let shortening = shortened.iter().fold(0.0, |sum, path| sum + path.lost);
-        // Without the correction, the marking program divides curves by the same tolerance, with points on them.
-        let as_drawn = Projection { map: &LengthTrueMap::Plain, ..projection };
-        let shortened_as_drawn = chords::bend(&as_drawn, &placed, settings)
-            .map_or_else(|_| Vec::new(), |bent| chords::of_ink(&placed, &bent.inscribed, settings));
+        let shortened_as_drawn = chords::as_drawn(&projection, &placed, settings).unwrap_or_default();
         clock.lap("bend");
         let on_part = tiles.is_none().then_some((map, surface));
         let content =

@@ -12,6 +12,7 @@ use isomark::formats::pattern::{
 };
 use isomark::geometry::pattern::{Color, Path, Segment, Shape};
 use isomark::geometry::space::FlatPoint;
+use isomark::reason::Severity;
 use serde_json::Value;
 
 mod schemas;
@@ -449,25 +450,36 @@ fn white_gradients_and_clips_are_reported() {
 #[test]
 fn the_white_ground_of_a_page_is_not_marked() {
     let mark = "<path d='M20 10h10v10h-10z'/>";
+    let disc = "<clipPath id='c'><circle cx='30' cy='20' r='9'/></clipPath>";
     for ground in [
         "<rect width='100%' height='100%' fill='white'/>",
         "<rect width='60' height='40' fill='#fff'/>",
         "<path d='M0 0H60V40H0Z' style='fill:#ffffff;stroke:none'/>",
         "<rect x='-5' y='-5' width='70' height='50' fill='#fefefe'/>",
         "<g transform='scale(2)'><rect width='30' height='20' fill='white'/></g>",
+        "<path d='M0 0H30H60V40H0' fill='white'/>",
+        "<clipPath id='c'><rect x='-1' width='80' height='40'/></clipPath><g clip-path='url(#c)'>\
+         <rect width='60' height='40' fill='white'/></g>",
+        "<svg><rect width='60' height='40' fill='white'/></svg>",
     ] {
         let reading = drawn(&format!("{ground}{mark}"));
         near(extents(&reading), [20.0, 20.0, 30.0, 30.0]);
         let codes = codes(&reading.facts);
         assert!(codes.contains(&"svg-ground") && !codes.contains(&"svg-white"), "{ground}: {codes:?}");
+        assert!(!reading.facts.notices.iter().any(|notice| notice.severity == Severity::Warning), "{ground}");
     }
-    // Not white, above something, not over the whole page, not a rectangle.
+    // Not white, above something, not over the whole page, not a rectangle, cut to another shape, or to a part of the page.
     for shape in [
         format!("<rect width='60' height='40' fill='#eee'/>{mark}"),
         format!("{mark}<rect width='60' height='40' fill='white'/>"),
         format!("<rect width='60' height='30' fill='white'/>{mark}"),
         format!("<path d='M0 0H60V40L30 20 0 40Z' fill='white'/>{mark}"),
         format!("<ellipse cx='30' cy='20' rx='60' ry='60' fill='white'/>{mark}"),
+        format!("<path d='M0 0L60 40V0L0 40Z' fill='white'/>{mark}"),
+        format!("<path d='M0 0H60H30V40H0V0H30V40H0Z' fill='white'/>{mark}"),
+        format!("{disc}<rect width='60' height='40' fill='white' clip-path='url(#c)'/>{mark}"),
+        format!("{disc}<g clip-path='url(#c)'><rect width='60' height='40' fill='white'/></g>{mark}"),
+        format!("<svg width='30' height='30'><rect width='60' height='40' fill='white'/></svg>{mark}"),
     ] {
         let reading = drawn(&shape);
         assert_eq!(reading.pattern.paths.len(), 2, "{shape}");
@@ -484,6 +496,23 @@ fn the_white_ground_of_a_page_is_not_marked() {
     let text = page(&format!("<rect width='40' height='40' fill='white'/>{mark}"))
         .replace("viewBox=\"0 0 60 40\"", "viewBox=\"0 0 40 40\"");
     assert!(codes(&try_read(&text).unwrap().facts).contains(&"svg-ground"));
+}
+
+#[test]
+fn a_ground_above_something_that_is_not_read_is_a_warning() {
+    let ground = "<rect width='60' height='40' fill='white'/>";
+    let mask =
+        "<mask id='m'><rect width='9' height='9' fill='white'/></mask><path d='M1 1h5v5z' mask='url(#m)'/>";
+    let hidden = "<path d='M1 1h5v5z' display='none'/>";
+    for (below, is_warning) in
+        [("", false), (hidden, false), (ground, true), ("<image width='9' height='9'/>", true), (mask, true)]
+    {
+        let reading = drawn(&format!("{below}{ground}<path d='M20 10h10v10h-10z'/>"));
+        near(extents(&reading), [20.0, 20.0, 30.0, 30.0]);
+        let notice = reading.facts.notices.iter().find(|notice| notice.code == "svg-ground").unwrap();
+        assert_eq!(notice.severity == Severity::Warning, is_warning, "{below}");
+        assert!(!notice.message.contains("--strict"));
+    }
 }
 
 #[test]

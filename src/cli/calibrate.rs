@@ -233,7 +233,7 @@ pub(super) fn run(arguments: &CalibrateArguments) -> Outcome {
 
 /// Refuses an axis that is not in the field: a lens is over its field, so that the plates were not held against the same stops.
 fn stops_are_shared(found: &LensCalibration, field: &Extents) -> Outcome {
-    let Some(axis) = found.axis.filter(|_| !found.is_telecentric()) else { return Ok(()) };
+    let Some(axis) = found.axis else { return Ok(()) };
     let is_outside = |at: usize| {
         let Uncertain { value, deviation } = axis[at];
         (value - field.center()[at]).abs() > field.size()[at] / 2.0 + SURE * deviation

@@ -1,8 +1,8 @@
 //! The settings of content that differs from product to product: serial numbers, shifts, codes and lists.
 
 use super::choices::BadRows;
-use super::layers::is_same_layer;
 use crate::formats::code::Kind;
+use crate::formats::pattern::is_same_layer;
 use crate::formats::pattern::{Content, Moment};
 
 /// The content that differs from product to product.

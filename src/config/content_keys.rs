@@ -8,10 +8,10 @@ use toml::Spanned;
 use super::choices::BadRows;
 use super::content::{CodeSettings, Placeholder, ShiftSettings};
 use super::error::ConfigError;
-use super::layers::is_same_layer;
 use super::settings::JobSettings;
 use super::text::SettingsText;
 use crate::formats::code::Kind;
+use crate::formats::pattern::is_same_layer;
 
 /// Most codes and shifts.
 const MOST: usize = 100;

@@ -1,7 +1,7 @@
 //! The settings of fills and of steps of focus. Lengths in mm, angles in rad.
 
 use super::choices::FocusSteps;
-use super::layers::is_same_layer;
+use crate::formats::pattern::{is_among, is_same_layer};
 
 /// How contours are filled with lines.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +29,7 @@ impl FillSettings {
     /// Whether contours on the layer are filled.
     #[must_use]
     pub fn includes(&self, layer: &str) -> bool {
-        self.layers.as_ref().is_none_or(|names| names.iter().any(|name| is_same_layer(name, layer)))
+        is_among(self.layers.as_deref(), layer)
     }
 
     /// The layers of the settings that are not among the given ones.

@@ -21,7 +21,6 @@ mod fill;
 mod fill_keys;
 mod fleet;
 mod route;
-mod layers;
 mod page;
 mod station;
 mod released;
@@ -49,7 +48,6 @@ pub use edit::{NewValue, edited};
 pub use error::{ConfigError, Excerpt, Spot};
 pub use fill::{FillSettings, FocusSettings};
 pub use fleet::FleetSettings;
-pub(crate) use layers::is_same_layer;
 pub use lens_table::LENS_TABLE_COLUMNS;
 #[cfg(any(feature = "cli", feature = "fleet"))]
 pub(crate) use live::sku_files;

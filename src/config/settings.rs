@@ -6,10 +6,10 @@ use super::choices::{
 };
 use super::content::ContentSettings;
 use super::fill::{FillSettings, FocusSettings};
-use super::layers::is_same_layer;
 use crate::formats::Pace;
 use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions, Space};
+use crate::formats::pattern::{is_among, is_same_layer};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::optics::{Fixture, Lens, ScanHead};
 use crate::geometry::primitive::Primitive;
@@ -228,6 +228,7 @@ impl PatternSettings {
             space: self.space.clone(),
             picture: self.picture,
             content: None,
+            ink_layers: self.ink_layers.clone(),
             pace: Pace::Any,
         }
     }
@@ -235,7 +236,7 @@ impl PatternSettings {
     /// Whether the layer is an ink layer.
     #[must_use]
     pub fn counts_as_ink(&self, layer: &str) -> bool {
-        self.ink_layers.as_ref().is_none_or(|names| names.iter().any(|name| is_same_layer(name, layer)))
+        is_among(self.ink_layers.as_deref(), layer)
     }
 
     /// The ink layers that are not among the given ones.

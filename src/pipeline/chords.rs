@@ -3,6 +3,7 @@
 use super::fill;
 use crate::config::{JobSettings, Vertices};
 use crate::geometry::correction::{AboveLens, Bent, Projection, Subdivision};
+use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::quality::Shortening;
 use crate::geometry::pattern::Pattern;
 
@@ -17,6 +18,18 @@ pub(super) fn bend(
         Vertices::Keep => Subdivision::Keep,
     };
     projection.bend(placed, fill::tolerance(settings), subdivision)
+}
+
+/// What the chords of ink cost without isomark: the marking program divides each curve by the same tolerance, with points on it,
+/// and marks the drawn lines as they are.
+pub(super) fn as_drawn(
+    projection: &Projection<'_>,
+    placed: &Pattern,
+    settings: &JobSettings,
+) -> Result<Vec<Shortening>, AboveLens> {
+    let plain = Projection { map: &LengthTrueMap::Plain, ..*projection };
+    let bent = plain.bend(placed, fill::tolerance(settings), Subdivision::Keep)?;
+    Ok(of_ink(placed, &bent.inscribed, settings))
 }
 
 /// What the chords of a bent drawing cost, of those paths that are ink.

@@ -253,12 +253,12 @@ fn row(
                 .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))?;
             let projection =
                 Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
-            let bent = chords::bend(&projection, pattern, settings)
-                .map_err(|error| checks::not_reached(error.at, settings))?;
-            // The marking program divides the drawing as it is with points on its curves.
-            let is_plain = matches!(map, LengthTrueMap::Plain);
-            let chords_of = if is_plain { &bent.inscribed } else { &bent.shortening };
-            distortion.shorten(chords::of_ink(pattern, chords_of, settings));
+            let shortened = match map {
+                LengthTrueMap::Plain => chords::as_drawn(&projection, pattern, settings),
+                _ => chords::bend(&projection, pattern, settings)
+                    .map(|bent| chords::of_ink(pattern, &bent.shortening, settings)),
+            };
+            distortion.shorten(shortened.map_err(|error| checks::not_reached(error.at, settings))?);
             Ok((map, distortion))
         });
     match results {

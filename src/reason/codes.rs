@@ -2067,8 +2067,9 @@ const CODES: &[Code] = &[
         "svg-ground",
         "The white ground of the page is not marked.",
         "Many programs draw a white rectangle over the whole page below everything else. It is the paper and not ink. A frame that \
-         is drawn as its stroke is marked. The default anchor is the middle of what is marked, and not that of the page.",
-        "Nothing. To mark the rectangle, give it another colour, or `--strict`.",
+         is drawn as its stroke is marked. The default anchor is the middle of what is marked, and not that of the page. What a clip path \
+         cuts to another shape is a drawing and is marked. It is a warning if something below it was not read.",
+        "Nothing. To mark the rectangle, give it another colour.",
     ]),
     notice([
         "svg-pixels",

@@ -110,12 +110,21 @@ fn the_table_has_a_line_for_each_method_and_aligned_columns() {
     assert!(cylinder.contains("0.000"), "{out}");
 }
 
+/// The path of a drawing in mm with these entities.
+fn written(desk: &Desk, name: &str, entities: &str) -> String {
+    let section = |name: &str, content: &str| format!("0\nSECTION\n2\n{name}\n{content}0\nENDSEC\n");
+    let header = section("HEADER", "9\n$INSUNITS\n70\n4\n");
+    desk.write(name, format!("{header}{}0\nEOF\n", section("ENTITIES", entities)));
+    desk.path(name).to_string_lossy().into_owned()
+}
+
 /// The marked polyline of a circle is shorter than the circle, also where nothing corrects it.
 #[test]
 fn the_chords_of_curves_are_part_of_all_errors() {
     let desk = Desk::new();
     // A can of 400 mm is nearly flat under a small circle, but not so flat that nothing is bent.
-    let (circle, can) = (drawing("circle"), "--cylinder 400,200 --axis x");
+    let circle = written(&desk, "circle.dxf", "0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n10\n");
+    let can = "--cylinder 400,200 --axis x";
     let length_error =
         |report: &Value, side: &str| number(report, &format!("/quality/{side}/length_error_mm"));
     let report = |tolerance: &str| {
@@ -126,12 +135,11 @@ fn the_chords_of_curves_are_part_of_all_errors() {
     let drawn = pattern(&std::fs::read(&circle).unwrap());
     let perimeter: f64 = drawn.paths.iter().flat_map(|path| path.shape.segments()).map(length).sum();
     let marked = pattern(&desk.read("out.dxf"));
-    // A polygon with as many corners on the circle is shorter, the more so where its sides are unequal.
-    let half = std::f64::consts::PI / marked.paths[0].shape.segments().len() as f64;
-    let lost = perimeter * (1.0 - half.sin() / half);
+    // With points on the circle, an arc with this height over its chord is longer than it by a third of the height for each radian.
+    let lost = 0.1 * std::f64::consts::TAU / 3.0;
     let gained = |side: &str| length_error(&coarse, side) - length_error(&fine, side);
     let before = gained("before");
-    assert!(lost > 0.05 && before > 0.95 * lost && before < 1.3 * lost, "{before} mm for {lost} mm");
+    assert!(before > 0.25 * lost && before < 1.01 * lost, "{before} mm for {lost} mm");
     // What is written has the length of the circle.
     let polygon: f64 = marked.paths.iter().flat_map(|path| path.shape.segments()).map(length).sum();
     assert!((polygon - perimeter).abs() < 0.01 * lost && gained("after") < 0.01 * lost, "{polygon}");
@@ -140,6 +148,27 @@ fn the_chords_of_curves_are_part_of_all_errors() {
     assert!(number(&corrected, "/output/shortening_mm") < 1e-4, "{corrected:#}");
     assert_eq!(row(&evaluation, "none", "")["quality"], corrected["quality"]["before"]);
     assert_eq!(row(&evaluation, "cylinder", "")["quality"], corrected["quality"]["after"]);
+}
+
+/// Without a correction, a drawing of straight lines is marked as it is drawn, however coarsely curves are divided.
+#[test]
+fn the_chords_of_a_drawing_of_lines_are_the_drawn_ones() {
+    let desk = Desk::new();
+    let corners = (0..180).map(|corner| f64::from(corner) * std::f64::consts::TAU / 180.0);
+    let corners: String =
+        corners.map(|angle| format!("10\n{}\n20\n{}\n", 6.0 * angle.cos(), 6.0 * angle.sin())).collect();
+    let ring = format!("0\nLWPOLYLINE\n8\n0\n90\n180\n70\n1\n{corners}");
+    let ring = written(&desk, "ring.dxf", &ring);
+    let figures = |tolerance: &str| {
+        let options = format!("--cylinder 400,200 --method none --tolerance {tolerance}");
+        let report = desk.correct_to("out.dxf", &[&ring], &options);
+        ["before", "after"].map(|side| number(&report, &format!("/quality/{side}/length_error_mm")))
+    };
+    let (fine, coarse) = (figures("0.0001"), figures("0.02"));
+    assert!((fine[0] - coarse[0]).abs() < 1e-6, "{fine:?} {coarse:?}");
+    for [before, after] in [fine, coarse] {
+        assert!((before - after).abs() < 1e-4, "{before} {after}");
+    }
 }
 
 fn pattern(bytes: &[u8]) -> Pattern {

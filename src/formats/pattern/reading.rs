@@ -75,6 +75,8 @@ pub struct PatternOptions {
     pub picture: RasterOptions,
     /// The values of fields in texts, such as `{serial}`. Default none: the text of a field is drawn as it is.
     pub content: Option<Content>,
+    /// The layers that are marked: notices of line weights leave out lines of others. Default all.
+    pub ink_layers: Option<Vec<String>>,
     /// The time limit for reading. Default none.
     pub pace: Pace,
 }
@@ -91,6 +93,7 @@ impl Default for PatternOptions {
             space: Space::Model,
             picture: RasterOptions::default(),
             content: None,
+            ink_layers: None,
             pace: Pace::Any,
         }
     }

@@ -115,7 +115,7 @@ pub struct LensCalibration {
     pub convergence: [Uncertain; 2],
     /// Size marked at z = 0 divided by size drawn, for x and y.
     pub scale: [Uncertain; 2],
-    /// Where the axis meets the field, mm; `None` if the readings do not show it.
+    /// Where the axis meets the field, mm; `None` if the readings do not show it, or for a telecentric lens, which needs none.
     pub axis: Option<[Uncertain; 2]>,
     /// The plates whose crosses were measured by position.
     pub plates: Vec<PlateFit>,
@@ -198,10 +198,13 @@ pub enum CalibrationError {
         turn: f64,
     },
     /// The shifts of plates that were held against the same stops do not fit any lens axis.
-    #[error("the shifts of the plates contradict each other by {deviation:.2} mm")]
+    #[error("the shifts of the plates contradict each other by {deviation:.2} mm{}", most_at(*worst))]
     StopsShifted {
         /// Standard deviation of a shift, mm.
         deviation: f64,
+        /// The height of the plate that contradicts the others most, mm; `None` for three plates, as each of them then contradicts
+        /// the other two as much.
+        worst: Option<f64>,
     },
     /// Too many values contradict each other.
     #[error("the measured values contradict each other by {deviation:.2} mm")]
@@ -213,10 +216,19 @@ pub enum CalibrationError {
     },
 }
 
+fn most_at(worst: Option<f64>) -> String {
+    worst.map_or_else(String::new, |z| format!(", most on the plate at {z} mm"))
+}
+
+/// Whether a lens with this convergence for x and y is telecentric as far as the readings show.
+fn is_telecentric(convergence: &[Uncertain; 2]) -> bool {
+    convergence.iter().all(|k| k.value.abs() < SURE * k.deviation)
+}
+
 impl LensCalibration {
     /// Whether the lens is telecentric as far as the readings show.
     pub fn is_telecentric(&self) -> bool {
-        self.convergence.iter().all(|k| k.value.abs() < SURE * k.deviation)
+        is_telecentric(&self.convergence)
     }
 
     /// The lens distances for x and y, mm; `None` for a telecentric lens.
@@ -447,7 +459,10 @@ impl<'a> Problem<'a> {
         Ok(LensCalibration {
             convergence,
             scale: [known(2), known(3)],
-            axis: self.axis(solution, reading)?,
+            axis: match self.readings.same_stops && !is_telecentric(&convergence) {
+                true => self.axis(solution, reading)?,
+                false => None,
+            },
             plates: plates.collect(),
             residuals: residuals.collect(),
             distance_residuals: (0..self.readings.distances.len())
@@ -465,9 +480,6 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// When the plates cannot have been held against the same stops.
     fn axis(&self, solution: &Solution, reading: f64) -> Result<Option<[Uncertain; 2]>, CalibrationError> {
-        if !self.readings.same_stops {
-            return Ok(None);
-        }
         let unknowns = solution.unknowns.as_slice();
         let plates = self.plates.len();
         if plates < 2 {
@@ -491,7 +503,7 @@ impl<'a> Problem<'a> {
             let Some(fitted) = least_squares::linear(&matrix, &shifts) else { return Ok(None) };
             let of_shift = solution.uncertainty(LENS + 1 + axis, reading).hypot(STOPS);
             if let Some(deviation) = fitted.deviation().filter(|deviation| *deviation > SURE * of_shift) {
-                return Err(CalibrationError::StopsShifted { deviation });
+                return Err(CalibrationError::StopsShifted { deviation, worst: self.worst_plate(&fitted) });
             }
             found[axis] = Uncertain {
                 value: fitted.unknowns[1] + self.middle[axis],
@@ -499,6 +511,18 @@ impl<'a> Problem<'a> {
             };
         }
         Ok(Some(found))
+    }
+
+    /// The height of the plate whose shift differs most from what the others predict, in its own standard deviations, mm.
+    fn worst_plate(&self, shifts: &Solution) -> Option<f64> {
+        let difference = |plate: &usize| {
+            let free = (1.0 - shifts.leverages[*plate]).max(f64::MIN_POSITIVE);
+            shifts.difference_from_others(*plate).map_or(0.0, |difference| difference.abs() * free.sqrt())
+        };
+        let worst = (0..self.plates.len())
+            .max_by(|one, other| difference(one).total_cmp(&difference(other)))
+            .filter(|_| shifts.spare() > 1);
+        worst.map(|plate| self.plates[plate])
     }
 
     /// Checks that no plate is turned against the first one.
@@ -684,32 +708,56 @@ mod tests {
         let error = fit(&turned).unwrap_err();
         let CalibrationError::StopsTurned { z: [0.0, 30.0], turn } = error else { panic!("{error}") };
         assert!((turn - 0.08).abs() < 1e-3, "{turn}");
-        // Three plates, of which one was shifted by 3 mm.
-        let lens = |seed: u64| {
-            let mut readings = crosses(&mut Noise(seed), 0.02, true);
-            let third = crosses(&mut Noise(seed + 1), 0.02, true);
-            let head = ScanHead {
-                lens: Lens::Perspective { x: DISTANCES[0], y: DISTANCES[1] },
-                axis: FieldPoint::new(104.0, 77.0),
-            };
-            let third = third.crosses[..9].iter().map(|cross| {
-                let at =
-                    Rotation2::new(0.01) * head.cast(cross.aim, 15.0).coords.xy() + Vector2::new(4.0, 8.0);
-                CrossReading { z: 15.0, measured: [Some(at.x), Some(at.y)], ..*cross }
-            });
-            readings.crosses.extend(third);
-            readings
+        // Three plates and four, of which one was shifted by 3 mm.
+        let head = ScanHead {
+            lens: Lens::Perspective { x: DISTANCES[0], y: DISTANCES[1] },
+            axis: FieldPoint::new(104.0, 77.0),
         };
-        let mut readings = lens(3);
-        assert!(fit(&readings).unwrap().is_some());
-        let shifted = readings.crosses.iter_mut().filter(|cross| cross.z == 15.0);
-        shifted.for_each(|cross| cross.measured[0] = cross.measured[0].map(|x| x + 3.0));
-        assert!(matches!(fit(&readings), Err(CalibrationError::StopsShifted { .. })));
+        let plate = |z: f64, shift: f64| {
+            let place = Vector2::new(4.0 + shift, 8.0);
+            crosses(&mut Noise(4), 0.02, true).crosses.into_iter().take(9).map(move |cross| {
+                let at = Rotation2::new(0.01) * head.cast(cross.aim, z).coords.xy() + place;
+                CrossReading { z, measured: [Some(at.x), Some(at.y)], ..cross }
+            })
+        };
+        let with = |plates: &[(f64, f64)]| {
+            let mut readings = crosses(&mut Noise(3), 0.02, true);
+            readings.crosses.extend(plates.iter().flat_map(|(z, shift)| plate(*z, *shift)));
+            fit(&readings)
+        };
+        assert!(with(&[(15.0, 0.0)]).unwrap().is_some());
+        let error = with(&[(15.0, 3.0)]).unwrap_err();
+        assert!(matches!(error, CalibrationError::StopsShifted { worst: None, .. }), "{error}");
+        for (plates, z) in [([(10.0, 3.0), (20.0, 0.0)], 10.0), ([(20.0, 0.0), (45.0, -3.0)], 45.0)] {
+            let error = with(&plates).unwrap_err();
+            assert!(
+                matches!(error, CalibrationError::StopsShifted { worst: Some(at), .. } if at == z),
+                "{error}"
+            );
+            assert!(error.to_string().ends_with(&format!(", most on the plate at {z} mm")), "{error}");
+        }
         // Positions on one plate, and distances on both.
         let mut one = LensReadings { same_stops: true, ..distances(&mut Noise(2), 0.02) };
         assert_eq!(fit(&one), Err(CalibrationError::StopsOfOnePlate { plates: 0 }));
         one.crosses = crosses(&mut Noise(2), 0.02, true).crosses[..9].to_vec();
         assert_eq!(fit(&one), Err(CalibrationError::StopsOfOnePlate { plates: 1 }));
+    }
+
+    #[test]
+    fn a_telecentric_lens_needs_no_plates_against_the_same_stops() {
+        for (turn, shift) in [(0.0, 0.0), (0.02, 0.0), (0.0, 3.0)] {
+            let mut readings = crosses(&mut Noise(5), 0.02, true);
+            let mut noise = Noise(6);
+            let third = readings.crosses[..9].iter().map(|cross| CrossReading { z: 15.0, ..*cross });
+            readings.crosses.extend(third.collect::<Vec<_>>());
+            for cross in &mut readings.crosses {
+                let moved = if cross.z == 15.0 { 1.0 } else { 0.0 };
+                let at = Rotation2::new(turn * moved) * cross.aim.coords() + Vector2::repeat(shift * moved);
+                cross.measured = [at.x, at.y].map(|value| Some(value + 0.02 * noise.next()));
+            }
+            let found = LensCalibration::fit(&readings).unwrap();
+            assert!(found.is_telecentric() && found.axis.is_none(), "{turn}, {shift}: {found:?}");
+        }
     }
 
     #[test]

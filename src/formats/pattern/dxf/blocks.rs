@@ -12,7 +12,7 @@ use super::curves::{Curve, Placement, vanishing};
 use super::items::{Insert, Item, Reader, Remarks, WideLine};
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
-use crate::formats::pattern::{PatternOptions, Skipped, Space};
+use crate::formats::pattern::{PatternOptions, Skipped, Space, is_among};
 use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
 use crate::geometry::space::FlatPoint;
 
@@ -81,6 +81,7 @@ pub(super) fn unfold(
         regions: 0,
         open_blocks: Vec::new(),
         hairline: options.hairline,
+        ink_layers: options.ink_layers.as_deref(),
         is_paper: sheet.is_some(),
     };
     let ground =
@@ -162,6 +163,8 @@ struct Unfolding<'u> {
     open_blocks: Vec<String>,
     /// Width below which lines are drawn without a width, mm.
     hairline: f64,
+    /// The layers that are marked; all if none is named.
+    ink_layers: Option<&'u [String]>,
     /// Whether a sheet in paper space is read.
     is_paper: bool,
 }
@@ -220,6 +223,7 @@ impl<'u> Unfolding<'u> {
         }
         if let (Item::Curve(_), Some(weight)) =
             (item, record.line_weight(entry).filter(|w| *w > USUAL_WEIGHT))
+            && is_among(self.ink_layers, layer)
         {
             let first = || HeavyLines { count: 0, first: structure.name(self.scan, record), widest: 0.0 };
             let heavy = self.result.heavy.get_or_insert_with(first);

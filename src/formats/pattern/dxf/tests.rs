@@ -93,6 +93,13 @@ fn line_weights_much_wider_than_a_laser_line_are_reported_once() {
     let message = found(&all).unwrap();
     assert!(message.starts_with("2 lines have a line weight of up to 0.70 mm"), "{message}");
     assert!(message.contains("first: LINE 2B on layer THICK"), "{message}");
+    // Lines of layers that are not marked do not count.
+    for (ink, expected) in [("thick", Some("1 line has a line weight of up to 0.50 mm")), ("USUAL", None)] {
+        let options = PatternOptions { ink_layers: Some(vec![ink.into()]), ..PatternOptions::default() };
+        let reading = read(&drawing(&tables, &all.concat(), ""), &options).unwrap();
+        let message = notice(&reading, "line-weight-unused");
+        assert_eq!(message.as_deref().map(|message| message.split(';').next().unwrap()), expected, "{ink}");
+    }
 }
 
 #[test]

@@ -85,6 +85,25 @@ pub(super) fn same_area(one: &Polygons, other: &Polygons) -> bool {
     (area(one) - area(other)).abs() <= ROUNDING * length(one, true).max(length(other, true))
 }
 
+/// Whether an area is a rectangle along the axes, within `tolerance`, that covers `shown` but for a share of its longer side.
+pub(super) fn is_rectangle_over(polygons: &Polygons, shown: &Extents, tolerance: f64, share: f64) -> bool {
+    let [contour] = &polygons[..] else { return false };
+    let own = extents(polygons);
+    // An outline that nowhere leaves the border of its bounds runs round them a whole number of times.
+    let is_on_border = |(a, b): (&[f64; 2], &[f64; 2])| {
+        (0..2).any(|axis| {
+            let is_at = |side: f64| [a, b].iter().all(|end| (end[axis] - side).abs() <= tolerance);
+            is_at(own.min[axis]) || is_at(own.max[axis])
+        })
+    };
+    let rounds = area(polygons) / (own.size().x * own.size().y);
+    let near = own.grown(shown.size().max() * share);
+    contour.iter().zip(contour.iter().cycle().skip(1)).all(is_on_border)
+        && (rounds - 1.0).abs() < 0.5
+        && near.contains(shown.min)
+        && near.contains(shown.max)
+}
+
 pub(super) fn extents(polygons: &Polygons) -> Extents {
     Extents::of(polygons.iter().flatten().map(|[x, y]| FlatPoint::new(*x, *y).coords()))
 }

@@ -6,7 +6,7 @@ use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::{LayerFacts, PatternFacts};
 use super::super::findings::{content, counted, only_without_font, reasons};
 use super::super::reading::Strokes;
-use super::walk::{Drawn, LAYER_COLOR, Remarks};
+use super::walk::{Drawn, Ground, LAYER_COLOR, Remarks};
 use crate::geometry::pattern::Path;
 use crate::reason::Notice;
 
@@ -50,12 +50,19 @@ pub(super) fn look_notices(remarks: &Remarks, strokes: Strokes, facts: &mut Patt
     let named = |found: &Option<(usize, EntityName)>, one: &str, more: &str| {
         found.as_ref().map(|(count, first)| (counted(*count, one, more), first.to_string()))
     };
-    if let Some(ground) = &remarks.ground {
+    if let Some(Ground { name, is_lowest }) = &remarks.ground {
         let message = format!(
-            "the white {ground} covers the whole page: it is its ground and is not marked. To mark it, give it another colour, or \
-             give `--strict`"
+            "the white {name} covers the whole page: it is its ground and is not marked. To mark it, give it another colour"
         );
-        add(Notice::note("svg-ground", message));
+        add(match is_lowest {
+            true => Notice::note("svg-ground", message),
+            false => Notice::warning(
+                "svg-ground",
+                format!(
+                    "{message}. Something below it is not marked either: check that it is no part of the drawing"
+                ),
+            ),
+        });
     }
     if let Some((count, first)) = named(&remarks.white, "shape is", "shapes are") {
         let message = format!(
@@ -94,8 +101,7 @@ pub(super) fn nothing_to_mark(Drawn { skipped, remarks, .. }: &Drawn) -> Pattern
     if let (Some(_), []) = (&remarks.ground, skipped.as_slice()) {
         return PatternReadError::NothingToMark {
             found: "it contains only the white ground of the page".into(),
-            remedy: "To mark a rectangle over the whole page, give it another colour, or give `--strict`."
-                .into(),
+            remedy: "To mark a rectangle over the whole page, give it another colour.".into(),
         };
     }
     if let Some(error) = only_without_font(skipped) {

@@ -116,11 +116,18 @@ pub(super) struct Remarks {
     pub(super) undashed: Option<(usize, EntityName)>,
     pub(super) white: Option<(usize, EntityName)>,
     /// The white ground of the page, which is not marked.
-    pub(super) ground: Option<EntityName>,
+    pub(super) ground: Option<Ground>,
     pub(super) servers: Option<(usize, EntityName)>,
     pub(super) transparent: Option<(usize, EntityName)>,
     pub(super) cut: Option<(usize, EntityName)>,
     pub(super) texts: Vec<FontUses>,
+}
+
+/// The white ground of the page.
+pub(super) struct Ground {
+    pub(super) name: EntityName,
+    /// Whether nothing is below it: no other ground, and nothing that was not read.
+    pub(super) is_lowest: bool,
 }
 
 fn count(place: &mut Option<(usize, EntityName)>, name: impl FnOnce() -> EntityName) {
@@ -602,8 +609,11 @@ impl<'a, 'd> Walk<'a, 'd> {
         self.spend(Cost::Drawn, pieces, node, context)?;
         let in_mm: Vec<Shape> = shapes.iter().map(|shape| transformed(shape, &map)).collect();
         self.check_reach(&in_mm, node, context)?;
-        if is_white(fill) && self.is_ground(&in_mm) {
-            self.drawn.remarks.ground = Some(self.lines.name(node, &context.layer));
+        if is_white(fill) && self.is_ground(&in_mm, context) {
+            let is_lowest = self.drawn.remarks.ground.is_none()
+                && !self.drawn.skipped.iter().any(|skipped| skipped.is_ink);
+            self.drawn.remarks.ground =
+                Some(Ground { name: self.lines.name(node, &context.layer), is_lowest });
             fill = Paint::None;
             if stroke == Paint::None {
                 return Ok(());
@@ -715,22 +725,17 @@ impl<'a, 'd> Walk<'a, 'd> {
     }
 
     /// Whether these shapes, in mm, are the ground of the page: a rectangle over all that is shown, before anything else is drawn.
-    fn is_ground(&self, shapes: &[Shape]) -> bool {
+    /// What a clip path cuts to another shape is a drawing.
+    fn is_ground(&self, shapes: &[Shape], context: &Context) -> bool {
         let (Some(shown), [shape]) = (&self.shown, shapes) else { return false };
-        if !self.drawn.paths.is_empty() {
-            return false;
-        }
-        let corners: Vec<_> = shape.segments().iter().map(|segment| segment.start().coords()).collect();
-        let own = Extents::of(corners.iter().copied());
-        let near = shown.size().max() * GROUND_TOLERANCE;
-        let is_on_border = |corner: &Vector2<f64>| {
-            (0..2).all(|axis| {
-                (corner[axis] - own.min[axis]).min(own.max[axis] - corner[axis]).abs() <= CLIP_TOLERANCE
-            })
-        };
-        let is_straight = shape.segments().iter().all(|segment| matches!(segment, Segment::Line { .. }));
-        let is_rectangle = is_straight && corners.len() >= 4 && corners.iter().all(is_on_border);
-        is_rectangle && own.grown(near).contains(shown.min) && own.grown(near).contains(shown.max)
+        let contour = closed(shape);
+        let is_straight = contour.segments().iter().all(|segment| matches!(segment, Segment::Line { .. }));
+        let corners = contour.segments().iter().map(|segment| [segment.start().x, segment.start().y]);
+        let covers = |area: &Polygons| area::is_rectangle_over(area, shown, CLIP_TOLERANCE, GROUND_TOLERANCE);
+        self.drawn.paths.is_empty()
+            && is_straight
+            && covers(&vec![corners.collect()])
+            && context.clips.iter().all(|clip| covers(clip))
     }
 
     fn note_paints(
