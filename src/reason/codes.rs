@@ -386,8 +386,8 @@ const CODES: &[Code] = &[
          The warning is given where facets leave the surface further, or turn more, than CAD programs let them when they cut a \
          round face. `correct` gives it only if the surface under the drawing is not a plane.",
         "If the facets are meant as they are, set `normals = \"file\"` under [part] (`--normals file`), or `facets` if the file \
-         has no normals. If the part is round, export it with smooth shading, from CAD as GLB, or with a deviation of 0.05 mm; `normals = \"estimate\"` \
-         confirms that it is round.",
+         has no normals. If the part is round, export it with smooth shading, from CAD as GLB, or with a deviation of 0.05 mm; \
+         `normals = \"estimate\"` confirms that it is round.",
     ]),
     notice([
         "field-scale",
