@@ -422,7 +422,9 @@ impl Pipeline {
         if with_pictures {
             clock.lap("prepare preview");
         }
-        notices.extend(learned.kept.facts.notices.iter().cloned());
+        // Of a part that turns, the drawing is on no plane.
+        let on_one_side = before.as_ref().filter(|_| tiles.is_none());
+        notices.extend(checks::notices_of_part(&part.facts, on_one_side, &after).cloned());
         notices.extend(facts.repairs.iter().map(|repair| {
             let on_part = |place: &RepairPlace| {
                 let [x, y] = place.at_mm;

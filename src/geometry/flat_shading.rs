@@ -18,50 +18,91 @@ const ALIKE: f64 = 1.5;
 /// Share of the triangles whose normals may differ from their planes: slivers have no well-defined plane.
 const SLIVERS: f64 = 0.01;
 
-/// The bodies of a mesh that are shaded flat throughout, where some of their facets continue one another as those of a round
-/// face do: for each vertex, whether it belongs to one. `None` if there are none.
-///
-/// A body is what is connected by sides of triangles.
-pub fn flat_bodies(mesh: &TriMesh) -> Option<Vec<bool>> {
-    let shading = Shading::of(mesh).filter(|_| !mesh.normals().is_empty())?;
-    let bodies = shading.bodies();
-    let count = bodies.iter().max().map_or(0, |last| *last as usize + 1);
-    let mut found = vec![Body::default(); count];
-    for ((&body, face), turn) in bodies.iter().zip(&shading.faces).zip(shading.turns()) {
-        let body = &mut found[body as usize];
-        body.triangles += 1;
-        body.curved += usize::from(*face == NONE);
-        body.is_round |= turn > 0.0;
-    }
-    let is_flat: Vec<bool> = found.iter().map(Body::is_flat_and_round).collect();
-    if !is_flat.contains(&true) {
-        return None;
-    }
-    let mut is_chosen = vec![false; mesh.positions().len()];
-    for (corners, &body) in mesh.triangles().iter().zip(&bodies) {
-        corners.iter().for_each(|&vertex| is_chosen[vertex as usize] |= is_flat[body as usize]);
-    }
-    Some(is_chosen)
+/// Facets that are shaded flat and continue one another as those of a round face do.
+pub struct OpenFacets {
+    /// For each vertex, whether it belongs to a body that is shaded flat throughout and has such facets; empty if there is no such
+    /// body, or if the mesh has no normals. A body is what is connected by sides of triangles.
+    pub is_of_flat_body: Vec<bool>,
+    /// What a smooth surface through the vertices makes of the facets of these bodies; in a mesh without normals of all facets.
+    pub roundings: Vec<Rounding>,
+    /// For each triangle, the angle by which it and the next ones turn, rad, where it is such a facet of any other body; 0
+    /// elsewhere. Empty if there are none.
+    pub turns: Vec<f32>,
+    /// Whether normals differ within a triangle: the program that wrote them shades what is round smooth.
+    pub has_smooth: bool,
 }
 
-/// How far a smooth surface through the vertices of such facets leaves them at most, mm; 0 if there are none. In a mesh without
-/// normals, all facets are flat.
-pub fn largest_bulge(mesh: &TriMesh) -> f64 {
-    let Some(shading) = Shading::of(mesh) else { return 0.0 };
-    shading.continuing().iter().map(|turn| turn.bulge).fold(0.0, f64::max)
+/// A flat facet that a smooth surface rounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rounding {
+    /// Angle to the next facet, rad.
+    pub turn: f64,
+    /// Height of the smooth surface above the facet, mm.
+    pub bulge: f64,
 }
 
-/// Whether the file's normals make such facets flat beside others of their body that they make smooth, as
-/// [`SmoothMesh`](super::smooth_mesh::SmoothMesh) doubts them.
-pub fn leaves_facets_open(mesh: &TriMesh) -> bool {
-    !mesh.normals().is_empty() && turns_of_facets(mesh).iter().any(|turn| *turn > NORMAL_TOLERANCE)
+impl Rounding {
+    /// By what share an arc is longer than its chord.
+    pub fn lengthening(&self) -> f64 {
+        self.turn * self.turn / 24.0
+    }
 }
 
-/// For each triangle, the angle by which it and the next ones turn, rad, where they are shaded flat and continue one another as
-/// the facets of a round face do; 0 elsewhere. Empty if there are none.
-pub(super) fn turns_of_facets(mesh: &TriMesh) -> Vec<f64> {
-    let turns = Shading::of(mesh).map(|shading| shading.turns()).unwrap_or_default();
-    if turns.iter().any(|turn| *turn > 0.0) { turns } else { Vec::new() }
+impl OpenFacets {
+    /// Those of a mesh; `None` if there are none. In a mesh without normals, all facets are flat.
+    pub fn of(mesh: &TriMesh) -> Option<Self> {
+        let shading = Shading::of(mesh)?;
+        let continuing = shading.continuing();
+        if continuing.is_empty() {
+            return None;
+        }
+        let turns = shading.turns(&continuing);
+        let all = || continuing.iter().map(Turn::rounding).collect();
+        if mesh.normals().is_empty() {
+            let (is_of_flat_body, turns) = (Vec::new(), Vec::new());
+            return Some(Self { is_of_flat_body, roundings: all(), turns, has_smooth: false });
+        }
+        let bodies = shading.bodies();
+        let count = bodies.iter().max().map_or(0, |last| *last as usize + 1);
+        let mut found = vec![Body::default(); count];
+        let mut body_of_facet = vec![0; shading.facets.len()];
+        for ((&number, &face), turn) in bodies.iter().zip(&shading.faces).zip(&turns) {
+            let body = &mut found[number as usize];
+            body.triangles += 1;
+            body.curved += usize::from(face == NONE);
+            body.is_round |= *turn > 0.0;
+            if let Some(of_facet) = body_of_facet.get_mut(face as usize) {
+                *of_facet = number as usize;
+            }
+        }
+        let is_flat: Vec<bool> = found.iter().map(Body::is_flat_and_round).collect();
+        let mut is_of_flat_body = Vec::new();
+        if is_flat.contains(&true) {
+            is_of_flat_body.resize(mesh.positions().len(), false);
+        }
+        let mut open = vec![0.0; turns.len()];
+        for (triangle, corners) in mesh.triangles().iter().enumerate() {
+            if is_flat[bodies[triangle] as usize] {
+                corners.iter().for_each(|&vertex| is_of_flat_body[vertex as usize] = true);
+            } else if turns[triangle] > NORMAL_TOLERANCE {
+                open[triangle] = turns[triangle] as f32;
+            }
+        }
+        let of_flat = continuing.iter().filter(|turn| is_flat[body_of_facet[turn.facets[0] as usize]]);
+        Some(Self {
+            is_of_flat_body,
+            roundings: of_flat.map(Turn::rounding).collect(),
+            turns: if open.iter().any(|turn| *turn > 0.0) { open } else { Vec::new() },
+            has_smooth: mesh.triangles().iter().any(|corners| is_smooth(mesh, corners)),
+        })
+    }
+}
+
+/// Whether the normals of a triangle differ.
+fn is_smooth(mesh: &TriMesh, corners: &[u32; 3]) -> bool {
+    let normals = corners.map(|vertex| mesh.normals()[vertex as usize]);
+    let differ = |normal: &Vector3<f64>| (normal - normals[0]).norm() > ROUNDED;
+    !normals.contains(&Vector3::zeros()) && normals.iter().any(differ)
 }
 
 #[derive(Clone, Default)]
@@ -117,6 +158,10 @@ struct Turn {
 }
 
 impl Turn {
+    fn rounding(&self) -> Rounding {
+        Rounding { turn: self.angle, bulge: self.bulge }
+    }
+
     fn goes_on_in(&self, other: &Self) -> bool {
         self.facets[1] != other.facets[1]
             && self.is_convex == other.is_convex
@@ -205,13 +250,13 @@ impl Shading {
         bodies
     }
 
-    /// See [`turns_of_facets`].
-    fn turns(&self) -> Vec<f64> {
+    /// For each triangle, the largest angle by which its facet turns to one that continues it, rad; 0 if there is none.
+    fn turns(&self, continuing: &[Turn]) -> Vec<f64> {
         let mut largest = vec![0.0f64; self.facets.len()];
-        for Turn { facets, angle, .. } in self.continuing() {
+        for Turn { facets, angle, .. } in continuing {
             // The last facet of a face has one neighbour that is like it.
-            for facet in facets {
-                largest[facet as usize] = largest[facet as usize].max(angle);
+            for &facet in facets {
+                largest[facet as usize] = largest[facet as usize].max(*angle);
             }
         }
         self.faces.iter().map(|&face| largest.get(face as usize).copied().unwrap_or(0.0)).collect()

@@ -12,6 +12,7 @@ pub struct TriMesh {
     normals: Vec<Vector3<f64>>,
     triangles: Vec<[u32; 3]>,
     meaning: Meaning,
+    open_turns: Vec<f32>,
 }
 
 /// What the normals of a mesh, or the lack of them, stand for.
@@ -19,8 +20,6 @@ pub struct TriMesh {
 enum Meaning {
     /// The surface that the mesh samples.
     Surface,
-    /// The same: somebody said so, whatever they look like.
-    Stated,
     /// Its edges only.
     Shading,
     /// Nothing: the part is its facets.
@@ -101,7 +100,7 @@ impl TriMesh {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
         }
-        Ok(Self { positions, normals, triangles, meaning: Meaning::Surface })
+        Ok(Self { positions, normals, triangles, meaning: Meaning::Surface, open_turns: Vec::new() })
     }
 
     /// Vertex positions, mm.
@@ -132,19 +131,20 @@ impl TriMesh {
         self.meaning == Meaning::Shading
     }
 
-    /// The same mesh, whose normals are said to be those of the surface.
-    pub fn with_stated_normals(self) -> Self {
-        Self { meaning: Meaning::Stated, ..self }
+    /// The same mesh, some of whose facets may be those of a round face although their normals are flat: for each triangle the
+    /// angle by which its facet turns to the next ones, rad; 0 where nothing is in doubt.
+    pub fn with_open_turns(self, open_turns: Vec<f32>) -> Self {
+        Self { open_turns, ..self }
     }
 
-    /// Whether the normals are said to be those of the surface.
-    pub fn normals_are_stated(&self) -> bool {
-        self.meaning == Meaning::Stated
+    /// See [`with_open_turns`](Self::with_open_turns); empty if nothing is in doubt.
+    pub(super) fn open_turns(&self) -> &[f32] {
+        &self.open_turns
     }
 
     /// The same mesh as a part that is exactly its flat facets.
     pub fn with_flat_facets(self) -> Self {
-        Self { meaning: Meaning::Facets, normals: Vec::new(), ..self }
+        Self { meaning: Meaning::Facets, normals: Vec::new(), open_turns: Vec::new(), ..self }
     }
 
     /// Whether the part is exactly its facets.
@@ -154,7 +154,7 @@ impl TriMesh {
 
     /// The same mesh with nothing known of its normals.
     pub fn without_normals(self) -> Self {
-        Self { meaning: Meaning::Surface, normals: Vec::new(), ..self }
+        Self { meaning: Meaning::Surface, normals: Vec::new(), open_turns: Vec::new(), ..self }
     }
 
     /// The same mesh with nothing known of the normals of the `chosen` vertices, one flag for each.
@@ -167,7 +167,12 @@ impl TriMesh {
     /// The mesh with only the triangles for which `is_kept` is true.
     pub(super) fn with_only(&self, is_kept: &[bool]) -> Self {
         let kept = self.triangles.iter().zip(is_kept).filter(|(_, is_kept)| **is_kept);
-        Self { triangles: kept.map(|(corners, _)| *corners).collect(), ..self.clone() }
+        let turns = self.open_turns.iter().zip(is_kept).filter(|(_, is_kept)| **is_kept);
+        Self {
+            triangles: kept.map(|(corners, _)| *corners).collect(),
+            open_turns: turns.map(|(turn, _)| *turn).collect(),
+            ..self.clone()
+        }
     }
 
     /// The same mesh with more triangles over its vertices.

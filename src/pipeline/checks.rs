@@ -7,7 +7,7 @@ mod rotary;
 
 pub(super) use exposure::{exposure, hidden, outside_lens_table};
 pub(super) use lines::close_lines;
-pub(super) use map::{distances, map_reason, quality, settled, traded, uncertain, unrolled};
+pub(super) use map::{distances, map_reason, notices_of_part, quality, settled, traded, uncertain, unrolled};
 
 pub(super) use rotary::{
     not_round, rotary_count, rotary_hollow, rotary_method, rotary_no_room, rotary_overlap, wider_than_round,

@@ -373,7 +373,7 @@ const CODES: &[Code] = &[
         "It is not known whether facets that are shaded flat are those of a round face.",
         "The file's normals make some facets flat and others of the same body smooth, as shading by an angle does. The flat ones \
          turn on and on by about the same angle, as those of a round face do. They are marked as flat; the reported errors \
-         contain the difference.",
+         contain the difference. `correct` gives the warning only if the surface under the drawing is uncertain.",
         "If the facets are flat, set `normals = \"file\"` under [part] (`--normals file`). If they are round, shade them smooth \
          and export the part again.",
     ]),
@@ -383,10 +383,11 @@ const CODES: &[Code] = &[
         "Facets that turn on and on by about the same angle are those of a round part, or of one that is meant to be angular. A \
          file without normals, or with flat shading, does not tell which. isomark takes the smooth surface through their \
          vertices, and the reported errors are those on it. The number is how far it is above the middle of the facets. \
-         The note is given where that is more than CAD programs leave when they cut a round face into facets.",
-        "If the facets are meant as they are, set `normals = \"facets\"` under [part] (`--normals facets`). If the part is \
-         round, export it with smooth shading, from CAD as GLB, or with a deviation of 0.05 mm; `normals = \"estimate\"` \
-         confirms that it is round.",
+         The warning is given where facets leave the surface further, or turn more, than CAD programs let them when they cut a \
+         round face. `correct` gives it only if the surface under the drawing is not a plane.",
+        "If the facets are meant as they are, set `normals = \"file\"` under [part] (`--normals file`), or `facets` if the file \
+         has no normals. If the part is round, export it with smooth shading, from CAD as GLB, or with a deviation of 0.05 mm; \
+         `normals = \"estimate\"` confirms that it is round.",
     ]),
     notice([
         "field-scale",

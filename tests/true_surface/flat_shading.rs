@@ -10,6 +10,7 @@ use isomark::formats::mesh::{
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use isomark::reason::Notice;
 use nalgebra::{Point3, Vector3};
 
 use super::bounds::SLACK;
@@ -25,6 +26,8 @@ type Profile = Vec<[f64; 2]>;
 #[derive(Default)]
 struct Model {
     faces: Vec<Vec<(Point3<f64>, Vector3<f64>)>>,
+    /// The program that wrote the file; empty if the file does not say it.
+    producer: &'static str,
 }
 
 impl Model {
@@ -124,8 +127,12 @@ impl Model {
         model
     }
 
+    fn by_cad(self) -> Self {
+        Self { producer: "# FreeCAD v0.21\n", ..self }
+    }
+
     fn read(&self, normals: NormalsChoice) -> PartReading {
-        let mut text = String::new();
+        let mut text = self.producer.to_owned();
         let mut first = 1;
         for face in &self.faces {
             for (at, normal) in face {
@@ -226,26 +233,65 @@ fn flat_facets_of_a_smooth_body_are_in_doubt() {
     }
 }
 
+/// A program that knows the faces shades what is round smooth, so that flat facets are flat faces.
+#[test]
+fn flat_faces_from_cad_are_flat() {
+    let beside = Model::turned(&cylinder(), 12, true).with_smooth_ball();
+    for model in [beside.by_cad(), Model::can_with_smooth_rims(12).by_cad()] {
+        let reading = model.read(NormalsChoice::Auto);
+        assert_eq!(reading.facts.normals_used, Some(NormalsUsed::File));
+        assert_eq!(doubt(&reading), None);
+        // The upper facet is a plane through its chord.
+        let surface = fitted(&reading);
+        let height = |x: f64| surface.sampled_height(ViewPoint::new(x, 0.3)).unwrap();
+        let plane = RADIUS * (TAU / 24.0).cos() - RADIUS;
+        assert!([-5.0, 0.3, 5.0].iter().all(|x| (height(*x) - plane).abs() < 1e-3), "{}", height(0.3));
+        assert!(surface.uncertainty(ViewPoint::new(0.3, 0.3)).slope < 0.001);
+    }
+    // Without anything smooth, nothing shows what the program shades flat.
+    let alone = Model::turned(&cylinder(), 12, true).by_cad().read(NormalsChoice::Auto);
+    assert!(doubt(&alone).is_some());
+}
+
+/// The warning that facets may be flat or round.
+fn doubt(reading: &PartReading) -> Option<&Notice> {
+    let mut notices = reading.facts.notices.iter();
+    notices.find(|notice| ["facets-rounded", "facets-flat"].contains(&notice.code.as_str()))
+}
+
 #[test]
 fn what_flat_facets_are_taken_for_is_stated_with_the_choice() {
-    let notice = |sides: usize, normals: NormalsChoice| {
-        let reading = Model::turned(&cylinder(), sides, true).read(normals);
-        reading.facts.notices.into_iter().find(|notice| notice.code == "facets-rounded")
-    };
+    let of = |model: &Model, normals: NormalsChoice| doubt(&model.read(normals)).cloned();
     // The sagitta of a chord: 30 mm * (1 - cos(180 deg / sides)).
     for (sides, sagitta) in [(12, 1.02), (16, 0.58), (24, 0.26)] {
-        let text = notice(sides, NormalsChoice::Auto).unwrap().message;
-        let said: f64 = text.split("up to ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
-        assert!(
-            (said - sagitta).abs() < 0.1 * sagitta && text.contains("--normals facets"),
-            "{sides}: {text}"
-        );
-        assert_eq!(notice(sides, NormalsChoice::Facets), None);
-        assert_eq!(notice(sides, NormalsChoice::Estimate), None);
+        let alone = Model::turned(&cylinder(), sides, true);
+        let beside = Model::turned(&cylinder(), sides, true).with_smooth_ball();
+        for model in [alone, beside] {
+            let notice = of(&model, NormalsChoice::Auto).unwrap();
+            let text = &notice.message;
+            let said: f64 = text.split("up to ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+            assert!((said - sagitta).abs() < 0.1 * sagitta, "{sides}: {text}");
+            assert!(notice.code == "facets-rounded" && text.contains("--normals file"), "{sides}: {text}");
+            for decided in [NormalsChoice::File, NormalsChoice::Facets, NormalsChoice::Estimate] {
+                assert_eq!(of(&model, decided), None);
+            }
+        }
     }
     // As fine as CAD programs cut, and as coarse as no round part is.
-    assert_eq!(notice(64, NormalsChoice::Auto), None);
-    assert_eq!(notice(6, NormalsChoice::Auto), None);
+    assert_eq!(of(&Model::turned(&cylinder(), 64, true), NormalsChoice::Auto), None);
+    assert_eq!(of(&Model::turned(&cylinder(), 6, true), NormalsChoice::Auto), None);
+}
+
+/// CAD programs let facets turn by 0.5 rad. Where they turn more, lengths along small facets differ by more than 1 %, too.
+#[test]
+fn small_facets_are_in_doubt_if_they_turn_more_than_cad_programs_let_them() {
+    let of = |sides: usize| {
+        let small = Model::turned(&vec![[4.0, -4.0], [4.0, 4.0]], sides, true);
+        doubt(&small.read(NormalsChoice::Auto)).cloned()
+    };
+    // The share by which the arc is longer than its chord: 1 - sin(15 deg) / (pi / 12).
+    assert!(of(12).unwrap().message.contains(" 1.1 %"));
+    assert_eq!(of(13), None);
 }
 
 /// Prisms and roofs are what their normals say.

@@ -92,6 +92,11 @@ impl Clues {
         self.producer_contains("Open CASCADE")
     }
 
+    /// Whether the program knows the exact faces of the part, and shades those that are round smooth.
+    pub(super) fn knows_faces(&self) -> bool {
+        self.is_open_cascade() || self.producer_contains("FreeCAD")
+    }
+
     pub(super) fn is_arch_export(&self) -> bool {
         self.producer_contains("FreeCAD") && self.producer_contains("Arch")
     }

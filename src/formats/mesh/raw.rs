@@ -11,7 +11,7 @@ use super::{
     PartFacts, PartReading, Shape, SolidPart, UpAxis,
 };
 use crate::formats::Pace;
-use crate::geometry::flat_shading;
+use crate::geometry::flat_shading::{OpenFacets, Rounding};
 use crate::geometry::holes::{self, Bridge};
 use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::noise;
@@ -33,6 +33,11 @@ pub(super) const MAX_POINTS: usize = 10_000_000;
 /// A smooth surface that leaves flat facets by more than this, mm, is not what their designer meant if they are a design. CAD
 /// programs cut round faces into facets that leave them by 0.1 mm at most unless they are told otherwise.
 const NOTABLE_BULGE: f64 = 0.15;
+/// The same where facets turn by more than [`NOTABLE_TURN`], mm: lengths along a smaller facet differ by 0.004 mm at most.
+const NOTABLE_BULGE_OF_TURN: f64 = 0.02;
+/// Along facets that turn by more than this, rad, lengths differ by more than 1 % from those on a round face. CAD programs let
+/// facets turn by 0.5 rad at most unless they are told otherwise, so that round faces of small radius are below it.
+const NOTABLE_TURN: f64 = 0.51;
 
 /// A part in the unit and axes of its file.
 pub(super) struct RawPart {
@@ -133,7 +138,8 @@ impl RawPart {
                         Shape::Solid(Box::new(SolidPart { solid: solid.placed(&turn), mesh }))
                     }
                     None => {
-                        let (mesh, found) = understood_mesh(mesh, &mut self.normals_found, options)?;
+                        let (mesh, found) =
+                            understood_mesh(mesh, &mut self.normals_found, &self.clues, options)?;
                         understood = found;
                         Shape::Mesh(mesh)
                     }
@@ -332,8 +338,10 @@ struct Understood {
     missing: usize,
     /// Whether the settings ask for normals that the file does not have.
     lacks_normals: bool,
-    /// How far the smooth surface leaves facets that may be meant as they are, mm.
-    rounded: f64,
+    /// How a smooth surface leaves facets that may be meant as they are, where it matters most.
+    rounded: Option<Rounding>,
+    /// The setting that marks such facets as they are.
+    keeps_facets: &'static str,
     /// Whether the file's normals make facets flat that may be those of a round face.
     has_flat_facets: bool,
 }
@@ -342,19 +350,26 @@ struct Understood {
 fn understood_mesh(
     mesh: TriMesh,
     found: &mut NormalsFound,
+    clues: &Clues,
     options: &MeshOptions,
 ) -> Result<(TriMesh, Understood), MeshReadError> {
     let (mesh, winding) = winding::made_alike(mesh);
     let (mesh, bridges) = holes::bridged(mesh, options.bridge);
     let noise = noise::of(&mesh).map(|noise| MeshNoise::new(&noise));
-    let flat = flat_shading::flat_bodies(&mesh).filter(|_| options.normals == NormalsChoice::Auto);
-    let mesh = match &flat {
-        Some(chosen) if chosen.iter().all(|is_flat| *is_flat) => {
-            *found = NormalsFound::FacetsOnly;
-            mesh.without_normals()
-        }
-        Some(chosen) => mesh.without_normals_at(chosen),
-        None => mesh,
+    // The facets of large meshes are small. If the file shades some of them flat, they are looked at all the same.
+    let is_looked_at = options.normals == NormalsChoice::Auto
+        && !(mesh.normals().is_empty() && mesh.triangles().len() > QUICK_TRIANGLES);
+    let open = if is_looked_at { OpenFacets::of(&mesh) } else { None };
+    let open = open.filter(|open| !(open.has_smooth && clues.knows_faces()));
+    let chosen = open.as_ref().map_or(&[][..], |open| &open.is_of_flat_body);
+    let has_flat_bodies = !chosen.is_empty();
+    let mesh = if !has_flat_bodies {
+        mesh
+    } else if chosen.iter().all(|is_flat| *is_flat) {
+        *found = NormalsFound::FacetsOnly;
+        mesh.without_normals()
+    } else {
+        mesh.without_normals_at(chosen)
     };
     if shading::only_shade(&mesh) {
         *found = NormalsFound::Averaged;
@@ -380,12 +395,15 @@ fn understood_mesh(
         (NormalsChoice::Auto, NormalsFound::Smooth) => of_file,
         (NormalsChoice::File, NormalsFound::Averaged | NormalsFound::Smooth) => of_file,
     };
-    let is_rounded = used == NormalsUsed::Estimated && *found != NormalsFound::Averaged || flat.is_some();
-    let looks_round = || flat_shading::largest_bulge(&mesh);
-    let is_open = options.normals == NormalsChoice::Auto && mesh.triangles().len() <= QUICK_TRIANGLES;
+    let is_rounded = used == NormalsUsed::Estimated && *found != NormalsFound::Averaged || has_flat_bodies;
+    let (roundings, turns) = open.map(|open| (open.roundings, open.turns)).unwrap_or_default();
     let understood = Understood {
-        rounded: if is_open && is_rounded { looks_round() } else { 0.0 },
-        has_flat_facets: is_open && flat_shading::leaves_facets_open(&mesh),
+        rounded: roundings
+            .into_iter()
+            .filter(|rounding| is_rounded && is_notable(rounding))
+            .max_by(|one, other| one.bulge.total_cmp(&other.bulge)),
+        keeps_facets: if *found == NormalsFound::None { "facets" } else { "file" },
+        has_flat_facets: !turns.is_empty(),
         winding,
         bridges,
         noise,
@@ -399,10 +417,14 @@ fn understood_mesh(
         (NormalsUsed::Estimated | NormalsUsed::Smoothed, NormalsFound::Averaged, _) => {
             mesh.with_shading_normals()
         }
-        (NormalsUsed::File | NormalsUsed::Mixed, _, NormalsChoice::File) => mesh.with_stated_normals(),
         _ => mesh,
     };
-    Ok((mesh, understood))
+    Ok((mesh.with_open_turns(turns), understood))
+}
+
+/// Whether it matters if a facet is meant to be flat or round.
+fn is_notable(Rounding { turn, bulge }: &Rounding) -> bool {
+    *bulge > NOTABLE_BULGE || *turn > NOTABLE_TURN && *bulge > NOTABLE_BULGE_OF_TURN
 }
 
 impl Understood {
@@ -413,12 +435,15 @@ impl Understood {
                 "the settings ask for the file's normals, and it has none: they are estimated from the mesh";
             Notice::warning("normals-missing", message)
         });
-        let rounded = (self.rounded > NOTABLE_BULGE).then(|| {
+        let rounded = self.rounded.map(|rounding| {
             let message = format!(
                 "nothing in the file tells whether the part is round or its facets are flat: they are taken for those of a \
-                 smooth surface, which is up to {:.2} mm above them. If they are meant as they are, set `normals = \"facets\"` \
-                 (`--normals facets`); if the part is round, export it with smooth shading or with a smaller deviation",
-                self.rounded
+                 smooth surface, which is up to {:.2} mm above them and {:.1} % longer. If they are meant as they are, set \
+                 `normals = \"{choice}\"` (`--normals {choice}`); if the part is round, export it with smooth shading or with a \
+                 smaller deviation",
+                rounding.bulge,
+                100.0 * rounding.lengthening(),
+                choice = self.keeps_facets
             );
             Notice::warning("facets-rounded", message)
         });

@@ -11,7 +11,6 @@ use super::sections::Facets;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld, width};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
-use crate::geometry::flat_shading::turns_of_facets;
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, refined_normal};
@@ -217,15 +216,10 @@ impl SmoothMesh {
     /// Doubts the slopes of facets that are shaded flat as those of a round face may be, where the rest of their body is shaded
     /// smooth: the slope of an arc differs from that of its chord by up to half the angle between two chords.
     fn doubt_flat_shading(&mut self, mesh: &TriMesh) {
-        if mesh.normals().is_empty() || mesh.normals_are_stated() {
-            return;
-        }
-        let turns = turns_of_facets(mesh);
+        let turns = mesh.open_turns();
         self.slope_doubts.resize(turns.len().max(self.slope_doubts.len()), 0.0);
-        for (doubt, turn) in
-            self.slope_doubts.iter_mut().zip(turns).filter(|(_, turn)| *turn > NORMAL_TOLERANCE)
-        {
-            *doubt = doubt.max((turn / 12f64.sqrt()) as f32);
+        for (doubt, turn) in self.slope_doubts.iter_mut().zip(turns) {
+            *doubt = doubt.max(turn / 12f32.sqrt());
         }
     }
 

@@ -22,6 +22,9 @@ use crate::reason::{Notice, Place, Reason};
 const NOTABLE_UNCERTAIN: f64 = 0.05;
 /// A surface is unknown if so much of the length of a drawing is uncertain.
 const UNKNOWN_SHARE: f64 = 0.1;
+/// A drawing that stretches less than this on the part as it is drawn is on a plane, or so small on a round face that flat facets
+/// would change its lengths by no more than this.
+const STRETCH_OF_PLANE: f64 = 1e-3;
 /// CAD programs, as files name them.
 const CAD: [&str; 2] = ["Open CASCADE", "FreeCAD"];
 /// Remaining stretch above this is worth a warning.
@@ -205,7 +208,11 @@ pub(in crate::pipeline) fn uncertain(
         )
         .with_number("uncertain length", uncertain.length_error, "mm", Some(limit)));
     }
-    if uncertain.length_error > NOTABLE_UNCERTAIN && uncertain.length_error > after.length_error / 2.0 {
+    let is_shown = notices_of_part(facts, None, after).any(|notice| notice.code == "facets-flat");
+    if uncertain.length_error > NOTABLE_UNCERTAIN
+        && uncertain.length_error > after.length_error / 2.0
+        && !is_shown
+    {
         let (cause, remedy) = match &facts.scan {
             Some(_) => ("the points of the scan scatter", "Scan with less noise or more points."),
             None => ("the part's facets are coarse", finer_facets(facts)),
@@ -225,11 +232,29 @@ pub(in crate::pipeline) fn uncertain(
     Ok(())
 }
 
+/// The notices of the part's file that matter for a drawing: doubts about its facets only where the drawing is on them.
+pub(in crate::pipeline) fn notices_of_part<'a>(
+    facts: &'a PartFacts,
+    before: Option<&'a Distortion>,
+    after: &'a Distortion,
+) -> impl Iterator<Item = &'a Notice> {
+    facts.notices.iter().filter(move |notice| match notice.code.as_str() {
+        "facets-flat" => after.uncertain.length_error > NOTABLE_UNCERTAIN,
+        // Facets that are taken for a round face curve the surface.
+        "facets-rounded" => before.is_none_or(|before| before.max_stretch > STRETCH_OF_PLANE),
+        _ => true,
+    })
+}
+
 /// What determines the surface between the vertices of a mesh better, in the program that wrote the file; for both kinds of
 /// programs where the file does not name it.
 fn finer_facets(facts: &PartFacts) -> &'static str {
     let has_normals = facts.normals_used == Some(NormalsUsed::File);
     match facts.producer.as_deref() {
+        _ if facts.notices.iter().any(|notice| notice.code == "facets-flat") => {
+            "If facets that are shaded flat are flat, set `normals = \"file\"` (`--normals file`); if they are round, shade them \
+             smooth, too, and export the part again."
+        }
         Some(producer) if producer.contains("Blender") => {
             "In Blender, apply the Subdivision modifier and export the part again, or export the part from CAD as glTF with its \
              normals."
