@@ -449,7 +449,7 @@ impl Understood {
         });
         let flat = self.has_flat_facets.then(|| {
             let message = "facets that look like those of a round face are shaded flat, and others beside them smooth: they are \
-                           marked as flat, and the reported errors are those of either shape. If they are flat, set \
+                           marked as flat, and the reported errors allow for both shapes. If they are flat, set \
                            `normals = \"file\"` (`--normals file`); if they are round, shade them smooth, too";
             Notice::warning("facets-flat", message)
         });
