@@ -297,8 +297,10 @@ fn results_on_revolved_profiles_are_upper_estimates() {
             let part = format!("{} {deviation} {turn} deg", profile.name);
             let of = judged(&surface.unwrap(), |x, y| profile.revolved_height(RADIUS, x, y));
             let ceilings = (deviation < 0.06).then_some([1.65, 3.0, 2.0, 2.0, 3.7]);
-            // The largest angle and stretch are those beside the beginning of an arc, over less than a millimetre.
-            check(&part, &of, [1.0, 1.0, 0.88, 0.86, 1.0], ceilings, &mut failures);
+            // The largest angle is that beside the beginning of an arc, over less than a millimetre; on coarse facets, so is the
+            // largest stretch.
+            let of_stretch = if deviation < 0.06 { 0.92 } else { 0.86 };
+            check(&part, &of, [1.0, 1.0, 0.88, of_stretch, 1.0], ceilings, &mut failures);
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
