@@ -5,12 +5,15 @@ mod arcs;
 mod chains;
 mod creases;
 mod cylinders;
+mod ends;
 mod hidden_arcs;
 mod joining;
 mod long_sides;
 mod scatter;
 mod sections;
+mod settling;
 mod slopes;
+mod strips;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 

@@ -2,23 +2,20 @@
 //!
 //! The vertices of a tessellation are on the part. Those of a strip of facets that are on one cylinder, to within what files
 //! state of them, and turn often enough, show its axis and radius far better than the facets round each of them: at rims, where a
-//! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. Two rings
-//! of vertices are also on the barrel or the ball that has both; there the facets beyond them are about as long, and lean as far,
-//! as those between them would.
+//! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. What follows
+//! its ends confirms it (`ends`).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::SmoothMesh;
-use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, width};
+use super::ends::{Straight, Surroundings, precision};
+use super::settling::Settling;
+use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
 use crate::geometry::cylinder::Cylinder;
 use crate::geometry::shape_fit::{self, cross_directions};
 
-/// Vertices on a cylinder are this close to it, mm, or …
-const ON: f64 = 1e-4;
-/// … this share of their largest coordinate: files state six to seven digits.
-const DIGITS: f64 = 1e-6;
 /// Vertices at this many angles round the axis show a circle: three define it, and two confirm it.
 const LEAST_ANGLES: usize = 5;
 /// Five vertices define a cylinder; by chance, five more are not on it.
@@ -51,26 +48,6 @@ const MOST_POINTS: usize = 400;
 const ROUNDS: usize = 8;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
-/// Facets beyond the end of a cylinder continue it, straight, where they lean along its axis by less than this, rad.
-const STRAIGHT: f64 = 1e-3;
-/// The arc of a profile that the facets of a cylinder may be part of has chords of about the same length; a cylinder is at least so
-/// many times as long as the facets of a fillet at its end.
-const LONGER: f64 = 2.0;
-/// Vertices on an arc that begins at a rim in the direction of the cylinder show its radius to within this share. Those of one that
-/// begins in another direction, as at the end of a crowned roller, do not.
-const SAME_RADIUS: f64 = 0.05;
-/// A vertex is compared with the next one that is so many times as far beyond the rim.
-const NEXT: f64 = 1.3;
-/// The facets of a cone beyond an edge lean alike, within this, rad.
-const IN_LINE: f64 = 0.01;
-/// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A cylinder is so long that an arc as
-/// narrow as theirs would leave it so many times as far as the arcs round the axis.
-const IMPLAUSIBLE: f64 = 12.0;
-/// The share of a rim at which other things than the end of a cylinder may seem to follow: facets stand unevenly there.
-const UNLIKE: f64 = 0.1;
-/// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a cylinder that
-/// would leave the arc of a fillet by so many times as far as those of the cylinder meet it at an edge.
-const FARTHER: f64 = 2.0;
 /// Facets on a cylinder leave it by at most so many times as far as those in the middle of the first ones. A flat side between two
 /// lines of it, and the end of a can, have their vertices on it, too.
 const FLAT: f64 = 2.5;
@@ -105,39 +82,16 @@ pub(super) fn settle(
     if groups.is_empty() {
         return Vec::new();
     }
-    let mut is_set = vec![false; mesh.positions.len()];
-    for (group, at_edges) in &groups {
-        let is_hollow = mesh.is_hollow(group);
-        let mut own: BTreeMap<u32, u32> = BTreeMap::new();
-        for &triangle in &group.triangles {
-            for corner in 0..3 {
-                let vertex = mesh.triangles[triangle][corner];
-                let index = vertex as usize;
-                if !estimated[index] || is_set[index] {
-                    continue;
-                }
-                let at = mesh.positions[index];
-                let outward = group.cylinder.outward(&at);
-                let normal = if is_hollow { -outward } else { outward };
-                if at_edges.binary_search(&vertex).is_ok() {
-                    let new = *own.entry(vertex).or_insert(mesh.positions.len() as u32);
-                    if new as usize == mesh.positions.len() {
-                        mesh.positions.push(at);
-                        mesh.normals.push(normal);
-                        estimated.push(true);
-                        is_set.push(true);
-                        deviations.extend((!deviations.is_empty()).then_some(0.0));
-                    }
-                    mesh.triangles[triangle][corner] = new;
-                } else {
-                    mesh.normals[index] = normal;
-                    is_set[index] = true;
-                }
-            }
-        }
+    let mut settling = Settling::of(mesh, estimated, deviations);
+    for (group, at_edges, is_hollow) in &groups {
+        let way = if *is_hollow { -1.0 } else { 1.0 };
+        let normal = |mesh: &SmoothMesh, vertex: u32| {
+            Some(group.cylinder.outward(&mesh.positions[vertex as usize]) * way)
+        };
+        settling.set(&group.triangles, at_edges, normal);
     }
     let mut is_round = vec![false; count];
-    for (group, _) in &groups {
+    for (group, ..) in &groups {
         for &triangle in &group.triangles {
             let (corners, normals) = mesh.corners(triangle);
             is_round[triangle] = corners
@@ -149,11 +103,10 @@ pub(super) fn settle(
     is_round
 }
 
-/// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges.
-fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>)> {
-    let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
+/// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges, and whether it is hollow.
+fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>, bool)> {
     let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
-    let search = Search { mesh, around, near: ON.max(DIGITS * largest) };
+    let search = Search { mesh, around, near: precision(mesh) };
     let mut is_known = vec![false; mesh.triangles.len()];
     let mut groups = Vec::new();
     for triangle in 0..mesh.triangles.len() {
@@ -163,9 +116,11 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
         }
         let Some(group) = search.group_at(triangle, &is_known) else { continue };
         group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
-        if search.is_certain(&group) {
-            let at_edges = search.at_edges(&group);
-            groups.push((group, at_edges));
+        let surroundings = Surroundings { mesh, around: &search.around, near: search.near };
+        let on_mesh = OnMesh { mesh, group: &group };
+        if search.turns_enough(&group) && surroundings.confirm(&on_mesh) {
+            let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
+            groups.push((group, at_edges, is_hollow));
         }
     }
     groups
@@ -182,56 +137,33 @@ impl SmoothMesh {
     }
 }
 
-/// A place beyond a rim of a cylinder, mm: along its axis, and towards or away from it.
-#[derive(Clone, Copy)]
-struct Beyond {
-    past: f64,
-    off: f64,
+/// A group with its mesh.
+struct OnMesh<'a> {
+    mesh: &'a SmoothMesh,
+    group: &'a Group,
 }
 
-impl Beyond {
-    fn distance(&self) -> f64 {
-        self.past.hypot(self.off)
+impl Straight for OnMesh<'_> {
+    fn axis(&self) -> Vector3<f64> {
+        *self.group.cylinder.axis
     }
 
-    /// The angle of the chord from the rim, as a sine.
-    fn lean(&self) -> f64 {
-        self.off / self.distance()
+    fn triangles(&self) -> &[usize] {
+        &self.group.triangles
     }
 
-    /// The radius of the arc that begins at the rim in the direction of the cylinder, mm.
-    fn radius(&self) -> f64 {
-        self.distance().powi(2) / (2.0 * self.off)
+    fn outward(&self, side: usize) -> Vector3<f64> {
+        let [from, to] = self.mesh.ends(side);
+        self.group.cylinder.outward(&nalgebra::center(&from, &to))
     }
-}
 
-/// What follows a rim of a cylinder along the profile.
-struct End {
-    first: Beyond,
-    next: Option<Beyond>,
-    /// Of the facet at the rim, mm.
-    width: f64,
-    /// The length of the cylinder, mm.
-    own: f64,
-}
+    fn distance(&self, _: usize, at: &Point3<f64>) -> f64 {
+        self.group.cylinder.distance(at).abs()
+    }
 
-impl End {
-    /// Whether it follows a cylinder, and not an arc that leaves its facets as far as they leave those round the axis (`bulge`, mm):
-    /// straight on, in a fillet, or at an edge. Vertices may be off by `near`, mm.
-    fn is_of_cylinder(&self, bulge: f64, near: f64) -> bool {
-        let Self { first, next, width, own } = self;
-        let lean = first.lean();
-        if lean < STRAIGHT {
-            return true;
-        }
-        if width * LONGER > *own {
-            return false;
-        }
-        let Some(next) = next else { return own * own * lean / (4.0 * width) > IMPLAUSIBLE * bulge };
-        let limit = SAME_RADIUS + near / first.off;
-        let touches = (first.radius() / next.radius() - 1.0).abs() < limit;
-        let is_edge = width * lean / 4.0 > FARTHER * bulge;
-        touches || is_edge && (next.lean() - lean).abs() < IN_LINE
+    fn largest_bulge(&self) -> f64 {
+        let bulges = self.group.triangles.iter();
+        bulges.map(|&triangle| bulge_on(self.mesh, &self.group.cylinder, triangle)).fold(0.0, f64::max)
     }
 }
 
@@ -250,7 +182,7 @@ impl Search<'_> {
             let strip = self.strip(triangle, side, reach);
             let cylinder = self.cylinder_of(&strip)?;
             let mut bulges: Vec<f64> =
-                strip.iter().map(|&triangle| self.bulge_on(&cylinder, triangle)).collect();
+                strip.iter().map(|&triangle| bulge_on(self.mesh, &cylinder, triangle)).collect();
             bulges.sort_by(f64::total_cmp);
             let usual = bulges[bulges.len() / 2];
             let group = Group { cylinder, most: FLAT * usual, triangles: Vec::new() };
@@ -360,7 +292,7 @@ impl Search<'_> {
     fn is_on(&self, Group { cylinder, most, .. }: &Group, triangle: usize) -> bool {
         let corners = self.mesh.corners(triangle).0;
         corners.iter().all(|point| cylinder.distance(point).abs() <= self.near)
-            && self.bulge_on(cylinder, triangle) <= *most
+            && bulge_on(self.mesh, cylinder, triangle) <= *most
             && facet_normal(corners).dot(&cylinder.axis).abs() < LEAN
     }
 
@@ -374,8 +306,8 @@ impl Search<'_> {
         vertices.into_iter().step_by(step).map(|vertex| self.mesh.positions[vertex as usize]).collect()
     }
 
-    /// Whether the vertices of a group show that it is a cylinder, and nothing beyond its ends contradicts.
-    fn is_certain(&self, group: &Group) -> bool {
+    /// Whether the vertices of a group show that it is a cylinder.
+    fn turns_enough(&self, group: &Group) -> bool {
         let Group { cylinder, triangles, .. } = group;
         let (first, second) = cross_directions(&cylinder.axis);
         let corners = || triangles.iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
@@ -386,94 +318,15 @@ impl Search<'_> {
         angles.sort_by(f64::total_cmp);
         angles.dedup_by(|next, kept| *next - *kept < SAME_ANGLE);
         let count = self.some_points(triangles).len();
-        if count < LEAST_VERTICES || angles.len() < LEAST_ANGLES {
-            return false;
-        }
-        let ends = self.ends(group);
-        if ends.is_empty() {
-            return true;
-        }
-        let along = corners().map(|point| cylinder.split(&point).0);
-        let rims = along
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
-        let bulge = self.largest_bulge(group);
-        let (mut rim, mut unlike) = (0.0, 0.0);
-        for (side, beyond) in ends {
-            let corners = self.mesh.corners(beyond / 3).0;
-            let apex = self.mesh.triangles[beyond / 3][(beyond % 3 + 2) % 3];
-            let Some(first) = self.beyond(cylinder, rims, apex) else {
-                if facet_normal(corners).dot(&cylinder.axis).abs() < STRAIGHT {
-                    continue;
-                }
-                return false;
-            };
-            let [from, to] = self.mesh.ends(side);
-            let length = (to - from).norm();
-            rim += length;
-            let next = self.around.of_vertex(apex as usize).iter();
-            let next = next.filter_map(|&vertex| self.beyond(cylinder, rims, vertex));
-            let next = next.filter(|next| next.distance() > NEXT * first.distance());
-            let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
-            let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };
-            if !profile.is_of_cylinder(bulge, self.near) {
-                unlike += length;
-            }
-        }
-        unlike <= UNLIKE * rim
+        count >= LEAST_VERTICES && angles.len() >= LEAST_ANGLES
     }
+}
 
-    /// Where a vertex is beyond the rims of a cylinder, if it is.
-    fn beyond(&self, cylinder: &Cylinder, [low, high]: [f64; 2], vertex: u32) -> Option<Beyond> {
-        let at = self.mesh.positions[vertex as usize];
-        let along = cylinder.split(&at).0;
-        let past = (along - high).max(low - along);
-        (past > self.near).then(|| Beyond { past, off: cylinder.distance(&at).abs() })
-    }
-
-    /// The vertices of a group at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
-    /// facets of an arc or flat side that continues it would leave it no farther than its own. In ascending order.
-    fn at_edges(&self, group: &Group) -> Vec<u32> {
-        let bulge = self.largest_bulge(group);
-        let is_edge = |&(side, beyond): &(usize, usize)| {
-            let [from, to] = self.mesh.ends(side);
-            let corners = self.mesh.corners(beyond / 3).0;
-            let outward = group.cylinder.outward(&nalgebra::center(&from, &to));
-            let lean = facet_normal(corners).cross(&outward).norm();
-            lean > STRAIGHT && width(corners, beyond % 3) * lean / 4.0 > FARTHER * bulge
-        };
-        let edges = self.ends(group).into_iter().filter(is_edge);
-        let mut vertices: Vec<u32> = edges
-            .flat_map(|(side, _)| {
-                let corners = self.mesh.triangles[side / 3];
-                [corners[side % 3], corners[(side % 3 + 1) % 3]]
-            })
-            .collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        vertices
-    }
-
-    /// The sides of a group's triangles that others continue, with the sides of these.
-    fn ends(&self, group: &Group) -> Vec<(usize, usize)> {
-        let mut members = group.triangles.clone();
-        members.sort_unstable();
-        let sides = group.triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
-        let continued = sides.map(|side| (side, self.mesh.continued[side]));
-        let beyond = continued
-            .filter(|&(_, other)| other != NONE && members.binary_search(&(other as usize / 3)).is_err());
-        beyond.map(|(side, other)| (side, other as usize)).collect()
-    }
-
-    fn largest_bulge(&self, Group { cylinder, triangles, .. }: &Group) -> f64 {
-        triangles.iter().map(|&triangle| self.bulge_on(cylinder, triangle)).fold(0.0, f64::max)
-    }
-
-    /// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
-    fn bulge_on(&self, cylinder: &Cylinder, triangle: usize) -> f64 {
-        let [a, b, c] = self.mesh.corners(triangle).0;
-        let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
-        middles.map(|middle| cylinder.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
-    }
+/// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
+fn bulge_on(mesh: &SmoothMesh, cylinder: &Cylinder, triangle: usize) -> f64 {
+    let [a, b, c] = mesh.corners(triangle).0;
+    let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
+    middles.map(|middle| cylinder.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
 }
 
 /// The cylinder nearest to the points, from one that is close to them, in at most so many steps.

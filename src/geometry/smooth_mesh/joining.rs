@@ -8,6 +8,7 @@ use super::cylinders;
 use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
+use super::strips;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld, width};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
@@ -203,11 +204,13 @@ impl SmoothMesh {
         let (mut estimated, mut deviations) = smooth.complete_normals();
         let is_round = cylinders::settle(&mut smooth, &mut estimated, &mut deviations);
         smooth.trust(&is_round, &mut deviations);
+        let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, &is_round, &hidden);
         let beside = creases.iter().chain(&sharp);
         let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
         smooth.creases = smooth.edges_between(beside, &is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
+        smooth.doubt_strips(of_strips);
         smooth.doubt_flat_shading(mesh);
         smooth.trust(&is_round, &mut []);
         smooth
@@ -221,6 +224,14 @@ impl SmoothMesh {
         for (doubt, turn) in self.slope_doubts.iter_mut().zip(turns) {
             *doubt = doubt.max(turn / 12f32.sqrt());
         }
+    }
+
+    /// Replaces the doubts of the slopes of some triangles.
+    fn doubt_strips(&mut self, doubts: Vec<(usize, f32)>) {
+        if !doubts.is_empty() {
+            self.slope_doubts.resize(self.triangles.len(), 0.0);
+        }
+        doubts.into_iter().for_each(|(triangle, doubt)| self.slope_doubts[triangle] = doubt);
     }
 
     /// Leaves no doubt about the triangles that are on a cylinder, and no `deviations` of the normals of their vertices.
@@ -274,7 +285,7 @@ impl SmoothMesh {
     /// Makes the summed normals unit vectors; where there is none it is estimated. Returns for each vertex whether it is, and
     /// the standard deviation of the estimate, rad; 0 where nothing else shows than the facets round it. Without estimates there
     /// are no deviations.
-    fn complete_normals(&mut self) -> (Vec<bool>, Vec<f64>) {
+    pub(super) fn complete_normals(&mut self) -> (Vec<bool>, Vec<f64>) {
         let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
         if is_missing.contains(&true) {
             for triangle in &self.triangles {

@@ -1,0 +1,204 @@
+//! What follows the ends of a surface of parallel lines, as of a cylinder, along these lines.
+//!
+//! Two rings of vertices are also on the barrel or the ball that has both; there the facets beyond them are about as long, and lean
+//! as far, as those between them would.
+
+use nalgebra::{Point3, Vector3};
+
+use super::SmoothMesh;
+use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, width};
+
+/// Vertices on a surface are this close to it, mm, or …
+const ON: f64 = 1e-4;
+/// … this share of their largest coordinate: files state six to seven digits.
+const DIGITS: f64 = 1e-6;
+/// Facets beyond the end of a surface continue it, straight, where they lean along its lines by less than this, rad.
+const STRAIGHT: f64 = 1e-3;
+/// The arc of a profile that the facets of a surface may be part of has chords of about the same length; a surface is at least so
+/// many times as long as the facets of a fillet at its end.
+const LONGER: f64 = 2.0;
+/// Vertices on an arc that begins at a rim in the direction of the surface show its radius to within this share. Those of one that
+/// begins in another direction, as at the end of a crowned roller, do not.
+const SAME_RADIUS: f64 = 0.05;
+/// A vertex is compared with the next one that is so many times as far beyond the rim.
+const NEXT: f64 = 1.3;
+/// The facets of a cone beyond an edge lean alike, within this, rad.
+const IN_LINE: f64 = 0.01;
+/// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A surface is so long that an arc as
+/// narrow as theirs would leave it so many times as far as the arcs across its lines.
+const IMPLAUSIBLE: f64 = 12.0;
+/// The share of a rim at which other things than the end of a surface may seem to follow: facets stand unevenly there.
+const UNLIKE: f64 = 0.1;
+/// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a surface that
+/// would leave the arc of a fillet by so many times as far as those of the surface meet it at an edge.
+const FARTHER: f64 = 2.0;
+
+/// How far the vertices of a mesh may be off, mm.
+pub(super) fn precision(mesh: &SmoothMesh) -> f64 {
+    let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
+    ON.max(DIGITS * largest)
+}
+
+/// A surface of parallel lines that a group of facets shows.
+pub(super) trait Straight {
+    /// The unit direction of its lines.
+    fn axis(&self) -> Vector3<f64>;
+
+    /// The triangles of the group.
+    fn triangles(&self) -> &[usize];
+
+    /// The unit normal at the middle of a side of the group.
+    fn outward(&self, side: usize) -> Vector3<f64>;
+
+    /// How far a point beyond a side of the group is from it, mm, 0 or more.
+    fn distance(&self, side: usize, at: &Point3<f64>) -> f64;
+
+    /// How far the group's facets leave it at most, mm.
+    fn largest_bulge(&self) -> f64;
+}
+
+/// A place beyond a rim, mm: along the lines of the surface, and towards or away from it.
+#[derive(Clone, Copy)]
+struct Beyond {
+    past: f64,
+    off: f64,
+}
+
+impl Beyond {
+    fn distance(&self) -> f64 {
+        self.past.hypot(self.off)
+    }
+
+    /// The angle of the chord from the rim, as a sine.
+    fn lean(&self) -> f64 {
+        self.off / self.distance()
+    }
+
+    /// The radius of the arc that begins at the rim in the direction of the surface, mm.
+    fn radius(&self) -> f64 {
+        self.distance().powi(2) / (2.0 * self.off)
+    }
+}
+
+/// What follows a rim along the profile.
+struct End {
+    first: Beyond,
+    next: Option<Beyond>,
+    /// Of the facet at the rim, mm.
+    width: f64,
+    /// The length of the surface, mm.
+    own: f64,
+}
+
+impl End {
+    /// Whether it follows a surface of parallel lines, and not an arc that leaves its facets as far as they leave those across the
+    /// lines (`bulge`, mm): straight on, in a fillet, or at an edge. Vertices may be off by `near`, mm.
+    fn is_of_straight(&self, bulge: f64, near: f64) -> bool {
+        let Self { first, next, width, own } = self;
+        let lean = first.lean();
+        if lean < STRAIGHT {
+            return true;
+        }
+        if width * LONGER > *own {
+            return false;
+        }
+        let Some(next) = next else { return own * own * lean / (4.0 * width) > IMPLAUSIBLE * bulge };
+        let limit = SAME_RADIUS + near / first.off;
+        let touches = (first.radius() / next.radius() - 1.0).abs() < limit;
+        let is_edge = width * lean / 4.0 > FARTHER * bulge;
+        touches || is_edge && (next.lean() - lean).abs() < IN_LINE
+    }
+}
+
+/// The facets of a mesh round those of a surface.
+pub(super) struct Surroundings<'a> {
+    pub(super) mesh: &'a SmoothMesh,
+    pub(super) around: &'a Neighbours,
+    /// Vertices on a surface are this close to it, mm.
+    pub(super) near: f64,
+}
+
+impl Surroundings<'_> {
+    /// Whether nothing beyond the ends of a surface contradicts it.
+    pub(super) fn confirm(&self, surface: &impl Straight) -> bool {
+        let ends = self.ends(surface.triangles());
+        if ends.is_empty() {
+            return true;
+        }
+        let axis = surface.axis();
+        let corners = surface.triangles().iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
+        let along = corners.map(|point| point.coords.dot(&axis));
+        let rims = along
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
+        let bulge = surface.largest_bulge();
+        let (mut rim, mut unlike) = (0.0, 0.0);
+        for (side, beyond) in ends {
+            let corners = self.mesh.corners(beyond / 3).0;
+            let apex = self.mesh.triangles[beyond / 3][(beyond % 3 + 2) % 3];
+            let place = |vertex: u32| self.beyond(surface, rims, side, vertex);
+            let Some(first) = place(apex) else {
+                if facet_normal(corners).dot(&axis).abs() < STRAIGHT {
+                    continue;
+                }
+                return false;
+            };
+            let [from, to] = self.mesh.ends(side);
+            let length = (to - from).norm();
+            rim += length;
+            let next = self.around.of_vertex(apex as usize).iter().filter_map(|&vertex| place(vertex));
+            let next = next.filter(|next| next.distance() > NEXT * first.distance());
+            let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
+            let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };
+            if !profile.is_of_straight(bulge, self.near) {
+                unlike += length;
+            }
+        }
+        unlike <= UNLIKE * rim
+    }
+
+    /// Where a vertex is beyond the rims of a surface, if it is.
+    fn beyond(
+        &self,
+        surface: &impl Straight,
+        [low, high]: [f64; 2],
+        side: usize,
+        vertex: u32,
+    ) -> Option<Beyond> {
+        let at = self.mesh.positions[vertex as usize];
+        let along = at.coords.dot(&surface.axis());
+        let past = (along - high).max(low - along);
+        (past > self.near).then(|| Beyond { past, off: surface.distance(side, &at) })
+    }
+
+    /// The vertices of a surface at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
+    /// facets of an arc or flat side that continues it would leave it no farther than its own. In ascending order.
+    pub(super) fn at_edges(&self, surface: &impl Straight) -> Vec<u32> {
+        let bulge = surface.largest_bulge();
+        let is_edge = |&(side, beyond): &(usize, usize)| {
+            let corners = self.mesh.corners(beyond / 3).0;
+            let lean = facet_normal(corners).cross(&surface.outward(side)).norm();
+            lean > STRAIGHT && width(corners, beyond % 3) * lean / 4.0 > FARTHER * bulge
+        };
+        let edges = self.ends(surface.triangles()).into_iter().filter(is_edge);
+        let mut vertices: Vec<u32> = edges
+            .flat_map(|(side, _)| {
+                let corners = self.mesh.triangles[side / 3];
+                [corners[side % 3], corners[(side % 3 + 1) % 3]]
+            })
+            .collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        vertices
+    }
+
+    /// The sides of triangles that others continue, with the sides of these.
+    pub(super) fn ends(&self, triangles: &[usize]) -> Vec<(usize, usize)> {
+        let mut members = triangles.to_vec();
+        members.sort_unstable();
+        let sides = triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let continued = sides.map(|side| (side, self.mesh.continued[side]));
+        let beyond = continued
+            .filter(|&(_, other)| other != NONE && members.binary_search(&(other as usize / 3)).is_err());
+        beyond.map(|(side, other)| (side, other as usize)).collect()
+    }
+}

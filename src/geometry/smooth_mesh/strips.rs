@@ -1,0 +1,360 @@
+//! Normals and doubts of extruded strips, as of the round side of an oval can, by the strip alone.
+//!
+//! All facets of an extruded strip contain one direction, that of its rulings. What its vertices show of the plane curve across them
+//! is disturbed by the facets beyond its ends: the vertices of a fillet follow each other in uneven steps. Where these confirm that
+//! the strip ends there (`ends`), it is estimated as if it had no neighbours, and its normals are at right angles to its rulings.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use nalgebra::{Point3, Vector3};
+
+use super::SmoothMesh;
+use super::ends::{Straight, Surroundings, precision};
+use super::settling::Settling;
+use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
+
+/// Sides are parallel where their ends are off by at most so many times what vertices may be off, and they lean by less than
+/// the second, rad. Facets whose normals leave a right angle with the rulings by less contain them.
+const OFF: f64 = 4.0;
+const CONTAINS: f64 = 1e-3;
+/// Any facets that meet have one ruling; by chance, so many in a row are not parallel.
+const LEAST_RULINGS: usize = 5;
+/// Facets that turn by less than this between two rulings, rad, are in one plane.
+const COPLANAR: f64 = 1e-3;
+/// Facets looked at on either side of a first ruling, at most.
+const MOST_STEPS: usize = 6 * LEAST_RULINGS;
+/// Meshes with more triangles are fine; a search would take long.
+const MOST_TRIANGLES: usize = 300_000;
+/// Triangles that are looked at for all strips, at most, for each of the mesh: a flat side belongs to the strips of all its fillets.
+const MOST_VISITS: usize = 4;
+
+/// Replaces normals that are `estimated` at the vertices of extruded strips, and their `deviations`; `is_round` are the triangles
+/// whose normals are known. Returns the doubts of the slopes of the strips' triangles, rad; `hidden` are the errors at edges that
+/// may be arcs (`slopes`).
+pub(super) fn settle(
+    mesh: &mut SmoothMesh,
+    estimated: &mut Vec<bool>,
+    deviations: &mut Vec<f64>,
+    is_round: &[bool],
+    hidden: &[(usize, f64)],
+) -> Vec<(usize, f32)> {
+    let strips = certain_strips(mesh, estimated, is_round, hidden);
+    if strips.is_empty() {
+        return Vec::new();
+    }
+    let mut is_known = vec![false; mesh.positions.len()];
+    for (corners, _) in mesh.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round) {
+        corners.iter().for_each(|&vertex| is_known[vertex as usize] = true);
+    }
+    let mut settling = Settling::of(mesh, estimated, deviations);
+    let mut doubts = Vec::new();
+    for strip in strips {
+        let normal = |_: &SmoothMesh, vertex: u32| {
+            let is_open = is_known.get(vertex as usize) == Some(&false);
+            let index = strip.vertices.binary_search(&vertex).ok().filter(|_| is_open)?;
+            Some(strip.normals[index])
+        };
+        settling.set(&strip.triangles, &strip.at_edges, normal);
+        doubts.extend(strip.triangles.into_iter().zip(strip.doubts));
+    }
+    doubts
+}
+
+/// What a strip shows by itself.
+struct Settled {
+    triangles: Vec<usize>,
+    /// In ascending order, with their normals.
+    vertices: Vec<u32>,
+    normals: Vec<Vector3<f64>>,
+    at_edges: Vec<u32>,
+    /// For each triangle, rad.
+    doubts: Vec<f32>,
+}
+
+fn certain_strips(
+    mesh: &SmoothMesh,
+    estimated: &[bool],
+    is_round: &[bool],
+    hidden: &[(usize, f64)],
+) -> Vec<Settled> {
+    let count = mesh.triangles.len();
+    if count > MOST_TRIANGLES || !estimated.contains(&true) {
+        return Vec::new();
+    }
+    let mut around = None;
+    let mut search = Search { mesh, near: precision(mesh), visits: MOST_VISITS * count };
+    let mut is_seen = vec![false; count];
+    let mut strips = Vec::new();
+    for triangle in 0..count {
+        let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
+        if is_seen[triangle] || is_round.get(triangle) == Some(&true) || !is_open || !mesh.bulges(triangle) {
+            continue;
+        }
+        let Some((axis, triangles)) = search.strip_at(triangle) else { continue };
+        triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
+        let around = around.get_or_insert_with(|| Neighbours::of(&mesh.triangles, mesh.positions.len()));
+        let surroundings = Surroundings { mesh, around, near: search.near };
+        // By itself already.
+        if surroundings.ends(&triangles).is_empty() {
+            continue;
+        }
+        let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
+        if !surroundings.confirm(&strip) {
+            continue;
+        }
+        let own = |&(triangle, lean): &(usize, f64)| {
+            strip.triangles.binary_search(&triangle).ok().map(|index| (index, lean))
+        };
+        let hidden: Vec<(usize, f64)> = hidden.iter().filter_map(own).collect();
+        let mut doubts = strip.alone.found_slope_doubts(&missing, &deviations, &hidden);
+        doubts.resize(strip.triangles.len(), 0.0);
+        let at_edges = surroundings.at_edges(&strip);
+        let Strip { triangles, vertices, alone, .. } = strip;
+        strips.push(Settled { triangles, vertices, normals: alone.normals, at_edges, doubts });
+    }
+    strips
+}
+
+struct Search<'a> {
+    mesh: &'a SmoothMesh,
+    /// Vertices are off by at most this, mm.
+    near: f64,
+    /// Triangles that may still be looked at.
+    visits: usize,
+}
+
+impl Search<'_> {
+    /// The direction of the rulings and the triangles, in ascending order, of the strip of a triangle, if there is one.
+    fn strip_at(&mut self, triangle: usize) -> Option<(Vector3<f64>, Vec<usize>)> {
+        let ruling = (3 * triangle..3 * triangle + 3).find_map(|side| {
+            let direction = self.direction(side)?;
+            (self.rulings_round(side, direction) >= LEAST_RULINGS).then_some(direction)
+        })?;
+        let found = self.grown(triangle, ruling);
+        let axis = self.mean_ruling(&found, ruling);
+        let mut triangles = self.grown(triangle, axis);
+        triangles.sort_unstable();
+        Some((axis, triangles))
+    }
+
+    fn direction(&self, side: usize) -> Option<Vector3<f64>> {
+        let [from, to] = self.mesh.ends(side);
+        (to - from).try_normalize(0.0)
+    }
+
+    fn is_parallel(&self, side: usize, direction: Vector3<f64>) -> bool {
+        let [from, to] = self.mesh.ends(side);
+        let chord = to - from;
+        chord.cross(&direction).norm() <= (OFF * self.near).min(CONTAINS * chord.norm())
+    }
+
+    /// The number of parallel sides in a row, from a first one on, between which the facets turn; no more than are needed.
+    fn rulings_round(&self, first: usize, direction: Vector3<f64>) -> usize {
+        let entered = self.mesh.continued[first];
+        if entered == NONE {
+            return 0;
+        }
+        let mut count = 1;
+        for start in [first, entered as usize] {
+            let (mut side, mut last) = (start, self.normal(start / 3));
+            for _ in 0..MOST_STEPS {
+                // A facet between two rulings is divided by its diagonal.
+                let others = [1, 2].map(|turn| side / 3 * 3 + (side % 3 + turn) % 3);
+                let next = others.into_iter().find(|&other| {
+                    let beyond = self.mesh.continued[other] as usize;
+                    self.mesh.continued[other] != NONE
+                        && (self.is_parallel(other, direction)
+                            || (0..3).any(|turn| self.is_parallel(beyond / 3 * 3 + turn, direction)))
+                });
+                let Some(next) = next else { break };
+                side = self.mesh.continued[next] as usize;
+                let normal = self.normal(side / 3);
+                if self.is_parallel(side, direction) && normal.cross(&last).norm() > COPLANAR {
+                    count += 1;
+                    last = normal;
+                }
+                if count >= LEAST_RULINGS {
+                    return count;
+                }
+            }
+        }
+        count
+    }
+
+    fn normal(&self, triangle: usize) -> Vector3<f64> {
+        facet_normal(self.mesh.corners(triangle).0)
+    }
+
+    /// The triangles that contain a direction and can be reached from one of them through others.
+    fn grown(&mut self, from: usize, direction: Vector3<f64>) -> Vec<usize> {
+        let mesh = self.mesh;
+        let mut is_found = BTreeSet::from([from]);
+        let mut front = VecDeque::from([from]);
+        let mut found = Vec::new();
+        while let Some(here) = front.pop_front() {
+            found.push(here);
+            for side in 3 * here..3 * here + 3 {
+                let Some(other) = mesh.continuing(side) else { continue };
+                let there = other / 3;
+                if self.visits == 0 || is_found.contains(&there) {
+                    continue;
+                }
+                self.visits -= 1;
+                if self.normal(there).dot(&direction).abs() < CONTAINS {
+                    is_found.insert(there);
+                    front.push_back(there);
+                }
+            }
+        }
+        found
+    }
+
+    /// The mean direction of the sides of some triangles that are parallel to one.
+    fn mean_ruling(&self, triangles: &[usize], direction: Vector3<f64>) -> Vector3<f64> {
+        let sides = triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let rulings = sides.filter(|&side| self.is_parallel(side, direction));
+        let sum: Vector3<f64> = rulings
+            .map(|side| {
+                let [from, to] = self.mesh.ends(side);
+                (to - from) * (to - from).dot(&direction).signum()
+            })
+            .sum();
+        sum.try_normalize(0.0).unwrap_or(direction)
+    }
+}
+
+impl SmoothMesh {
+    /// The side that continues one, if both have the same vertices: those of cylinders have their own at edges.
+    fn continuing(&self, side: usize) -> Option<usize> {
+        let other = self.continued[side];
+        if other == NONE {
+            return None;
+        }
+        let ends = |side: usize| {
+            let corners = self.triangles[side / 3];
+            let (one, other) = (corners[side % 3], corners[(side % 3 + 1) % 3]);
+            (one.min(other), one.max(other))
+        };
+        let other = other as usize;
+        (ends(side) == ends(other)).then_some(other)
+    }
+}
+
+/// A strip as a mesh by itself.
+struct Strip<'a> {
+    mesh: &'a SmoothMesh,
+    axis: Vector3<f64>,
+    /// In ascending order.
+    triangles: Vec<usize>,
+    /// Those of the strip's own vertices in the mesh, in ascending order.
+    vertices: Vec<u32>,
+    alone: SmoothMesh,
+    around: Neighbours,
+}
+
+impl<'a> Strip<'a> {
+    /// With the normals that it shows by itself; for each of its vertices, whether the normal is estimated and its deviation, rad.
+    fn of(
+        mesh: &'a SmoothMesh,
+        axis: Vector3<f64>,
+        triangles: Vec<usize>,
+        estimated: &[bool],
+        is_round: &[bool],
+    ) -> (Self, Vec<bool>, Vec<f64>) {
+        let mut vertices: Vec<u32> =
+            triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let index = |vertex: u32| vertices.binary_search(&vertex).unwrap_or_default();
+        let mut is_known: Vec<bool> = vertices.iter().map(|&vertex| !estimated[vertex as usize]).collect();
+        for &triangle in triangles.iter().filter(|&&triangle| is_round.get(triangle) == Some(&true)) {
+            mesh.triangles[triangle].iter().for_each(|&vertex| is_known[index(vertex)] = true);
+        }
+        let normal = |(&vertex, &is_known): (&u32, &bool)| match is_known {
+            true => mesh.normals[vertex as usize],
+            false => Vector3::zeros(),
+        };
+        let continued = |side: usize| {
+            let other = mesh.continuing(side)?;
+            let triangle = triangles.binary_search(&(other / 3)).ok()?;
+            Some((3 * triangle + other % 3) as u32)
+        };
+        let sides = triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let mut alone = SmoothMesh {
+            positions: vertices.iter().map(|&vertex| mesh.positions[vertex as usize]).collect(),
+            normals: vertices.iter().zip(&is_known).map(normal).collect(),
+            triangles: triangles
+                .iter()
+                .map(|&triangle| mesh.triangles[triangle].map(|vertex| index(vertex) as u32))
+                .collect(),
+            regions: vec![0; triangles.len()],
+            continued: sides.map(|side| continued(side).unwrap_or(NONE)).collect(),
+            ..SmoothMesh::default()
+        };
+        let (missing, deviations) = alone.complete_normals();
+        for normal in
+            alone.normals.iter_mut().zip(&missing).filter_map(|(normal, missing)| missing.then_some(normal))
+        {
+            let across = *normal - axis * normal.dot(&axis);
+            *normal = across.try_normalize(0.0).unwrap_or(*normal);
+        }
+        let around = Neighbours::of(&alone.triangles, alone.positions.len());
+        (Self { mesh, axis, triangles, vertices, alone, around }, missing, deviations)
+    }
+
+    /// The vertices of the strip at the ends of a side of the mesh.
+    fn ends_of(&self, side: usize) -> impl Iterator<Item = u32> {
+        let corners = self.mesh.triangles[side / 3];
+        let ends = [corners[side % 3], corners[(side % 3 + 1) % 3]];
+        ends.map(|end| self.vertices.binary_search(&end).ok().map(|index| index as u32)).into_iter().flatten()
+    }
+
+    /// The distance of a point from the plane curve over the chord between two vertices, mm, and how far it is beyond the ends of
+    /// the chord; `None` for a ruling.
+    fn distance_from(&self, [one, other]: [u32; 2], at: &Point3<f64>) -> Option<(f64, f64)> {
+        let across = |vector: Vector3<f64>| vector - self.axis * vector.dot(&self.axis);
+        let position = |vertex: u32| self.alone.positions[vertex as usize];
+        let chord = across(position(other) - position(one));
+        let length = chord.norm();
+        let along = chord.try_normalize(CONTAINS * (position(other) - position(one)).norm())?;
+        let up = self.axis.cross(&along);
+        let step = at - position(one);
+        let share = step.dot(&along) / length;
+        // The slopes of the curve at both ends, over the share of the chord.
+        let [first, last] = [one, other].map(|vertex| {
+            let normal = self.alone.normals[vertex as usize];
+            -length * normal.dot(&along) / normal.dot(&up)
+        });
+        let height = share * (1.0 - share).powi(2) * first - share.powi(2) * (1.0 - share) * last;
+        let beyond = (-share).max(share - 1.0).max(0.0) * length;
+        height.is_finite().then(|| ((step.dot(&up) - height).abs(), beyond))
+    }
+}
+
+impl Straight for Strip<'_> {
+    fn axis(&self) -> Vector3<f64> {
+        self.axis
+    }
+
+    fn triangles(&self) -> &[usize] {
+        &self.triangles
+    }
+
+    fn outward(&self, side: usize) -> Vector3<f64> {
+        let sum: Vector3<f64> = self.ends_of(side).map(|vertex| self.alone.normals[vertex as usize]).sum();
+        sum.try_normalize(0.0).unwrap_or(sum)
+    }
+
+    fn distance(&self, side: usize, at: &Point3<f64>) -> f64 {
+        let ring = |vertex: u32| self.around.of_vertex(vertex as usize).iter().copied();
+        let near = self.ends_of(side).flat_map(|end| ring(end).flat_map(ring));
+        let chords = near.flat_map(|vertex| ring(vertex).map(move |other| [vertex, other]));
+        let distances = chords.filter_map(|chord| self.distance_from(chord, at));
+        let nearest = distances.min_by(|one, other| one.0.hypot(one.1).total_cmp(&other.0.hypot(other.1)));
+        nearest.map_or(0.0, |(distance, _)| distance)
+    }
+
+    fn largest_bulge(&self) -> f64 {
+        (0..self.alone.triangles.len()).map(|triangle| self.alone.bulge(triangle)).fold(0.0, f64::max)
+    }
+}
