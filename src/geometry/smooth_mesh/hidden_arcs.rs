@@ -26,10 +26,18 @@ struct Beside {
     triangles: [Vec<usize>; 2],
 }
 
-/// For the triangles beside `edges`, and beyond, the error of their slopes, rad, root mean square, if the edges are the corners of
-/// arcs; in rising order of the triangles.
-pub(super) fn slope_doubts(facets: &Facets, edges: &[Facing]) -> Vec<(usize, f64)> {
-    let mut doubts = Vec::new();
+/// The slope of a triangle beside an edge that may be the corner of an arc, or beyond it.
+pub(super) struct HiddenArc {
+    pub(super) triangle: usize,
+    /// The error of the slope if it is, rad, root mean square.
+    pub(super) doubt: f64,
+    /// The direction of the edge.
+    pub(super) edge: Vector3<f64>,
+}
+
+/// Those beside `edges`.
+pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
+    let mut arcs = Vec::new();
     for edge in edges {
         let [from, to] = facets.ends(edge[0] as usize);
         let Some(along) = (to - from).try_normalize(0.0) else { continue };
@@ -70,9 +78,9 @@ pub(super) fn slope_doubts(facets: &Facets, edges: &[Facing]) -> Vec<(usize, f64
         for (way, beside) in beside.iter().enumerate() {
             // The slope of an arc deviates from that of its chord by up to the lean, evenly along it.
             let mut add = |which: usize, lean: f64| {
-                doubts.extend(
-                    beside.triangles[which].iter().map(|&triangle| (triangle, lean.abs() / 3f64.sqrt())),
-                );
+                let doubt = lean.abs() / 3f64.sqrt();
+                let beside = beside.triangles[which].iter();
+                arcs.extend(beside.map(|&triangle| HiddenArc { triangle, doubt, edge: along }));
             };
             let lean = turned / 2.0;
             add(0, lean);
@@ -83,7 +91,5 @@ pub(super) fn slope_doubts(facets: &Facets, edges: &[Facing]) -> Vec<(usize, f64
             }
         }
     }
-    doubts.sort_by(|one, other| one.0.cmp(&other.0).then(other.1.total_cmp(&one.1)));
-    doubts.dedup_by_key(|doubt| doubt.0);
-    doubts
+    arcs
 }

@@ -173,7 +173,7 @@ impl SmoothMesh {
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
         let creases = Steps { facets, places: &places, steps: &steps, edges: &sharp }.creases();
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
-        let hidden = hidden_arcs::slope_doubts(&facets, &creases);
+        let hidden = hidden_arcs::found(&facets, &creases);
         cut(&mut opposite, &creases);
         for &[side, other] in steps.iter().filter(|step| opposite[step[0] as usize] != NONE) {
             let (pairs, _) = facing_corners(side as usize, other as usize);

@@ -14,6 +14,7 @@ use nalgebra::Vector3;
 
 use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
+use super::hidden_arcs::HiddenArc;
 use crate::geometry::adjacency::{NONE, Neighbours};
 
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
@@ -55,12 +56,12 @@ impl SmoothMesh {
     ///
     /// It is half the angle between the patch and its neighbours' at the middles of their common sides, or what the part twists by
     /// there, together with the uneven leans of normals, or what the chords of those that are `estimated` leave open, and the
-    /// `deviations` of these, rad. `hidden` are the errors at edges that may be arcs, for triangles in rising order.
+    /// `deviations` of these, rad. `hidden` are the arcs that edges may be.
     pub(super) fn found_slope_doubts(
         &self,
         estimated: &[bool],
         deviations: &[f64],
-        hidden: &[(usize, f64)],
+        hidden: &[HiddenArc],
     ) -> Vec<f32> {
         let mut slots = vec![NONE; self.triangles.len()];
         let mut normals: Vec<[Vector3<f64>; 3]> = Vec::new();
@@ -118,9 +119,9 @@ impl SmoothMesh {
             (of_shape + OF_NORMALS.powi(2) * of_normals).sqrt() as f32
         };
         let mut doubts: Vec<f32> = (0..self.triangles.len()).map(doubt).collect();
-        for &(triangle, lean) in hidden {
+        for &HiddenArc { triangle, doubt, .. } in hidden {
             if self.faces_laser(triangle) {
-                doubts[triangle] = doubts[triangle].max(lean as f32);
+                doubts[triangle] = doubts[triangle].max(doubt as f32);
             }
         }
         doubts

@@ -10,6 +10,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::ends::{Straight, Surroundings, precision};
+use super::hidden_arcs::HiddenArc;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
 
@@ -29,14 +30,14 @@ const MOST_TRIANGLES: usize = 300_000;
 const MOST_VISITS: usize = 4;
 
 /// Replaces normals that are `estimated` at the vertices of extruded strips, and their `deviations`; `is_round` are the triangles
-/// whose normals are known. Returns the doubts of the slopes of the strips' triangles, rad; `hidden` are the errors at edges that
-/// may be arcs (`slopes`).
+/// whose normals are known. Returns the doubts of the slopes of the strips' triangles, rad; `hidden` are the arcs that edges
+/// may be.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     estimated: &mut Vec<bool>,
     deviations: &mut Vec<f64>,
     is_round: &[bool],
-    hidden: &[(usize, f64)],
+    hidden: &[HiddenArc],
 ) -> Vec<(usize, f32)> {
     let strips = certain_strips(mesh, estimated, is_round, hidden);
     if strips.is_empty() {
@@ -75,7 +76,7 @@ fn certain_strips(
     mesh: &SmoothMesh,
     estimated: &[bool],
     is_round: &[bool],
-    hidden: &[(usize, f64)],
+    hidden: &[HiddenArc],
 ) -> Vec<Settled> {
     let count = mesh.triangles.len();
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
@@ -102,10 +103,12 @@ fn certain_strips(
         if !surroundings.confirm(&strip) {
             continue;
         }
-        let own = |&(triangle, lean): &(usize, f64)| {
-            strip.triangles.binary_search(&triangle).ok().map(|index| (index, lean))
+        // Across its rulings, the ends are confirmed.
+        let own = |arc: &HiddenArc| {
+            let triangle = strip.triangles.binary_search(&arc.triangle).ok()?;
+            (arc.edge.cross(&axis).norm() < CONTAINS).then_some(HiddenArc { triangle, ..*arc })
         };
-        let hidden: Vec<(usize, f64)> = hidden.iter().filter_map(own).collect();
+        let hidden: Vec<HiddenArc> = hidden.iter().filter_map(own).collect();
         let mut doubts = strip.alone.found_slope_doubts(&missing, &deviations, &hidden);
         doubts.resize(strip.triangles.len(), 0.0);
         let at_edges = surroundings.at_edges(&strip);
@@ -133,8 +136,24 @@ impl Search<'_> {
         let found = self.grown(triangle, ruling);
         let axis = self.mean_ruling(&found, ruling);
         let mut triangles = self.grown(triangle, axis);
+        self.trim(&mut triangles, axis);
         triangles.sort_unstable();
         Some((axis, triangles))
+    }
+
+    /// Removes the triangles that reach farther along the rulings than any of these: a facet of a fillet may continue one of the
+    /// strip by chance.
+    fn trim(&self, triangles: &mut Vec<usize>, axis: Vector3<f64>) {
+        let along = |point: &Point3<f64>| point.coords.dot(&axis);
+        let sides = triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let rulings = sides.filter(|&side| self.is_parallel(side, axis));
+        let [low, high] = rulings
+            .flat_map(|side| self.mesh.ends(side))
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], end| {
+                [low.min(along(&end)), high.max(along(&end))]
+            });
+        let is_within = |end: &Point3<f64>| (low - self.near..=high + self.near).contains(&along(end));
+        triangles.retain(|&triangle| self.mesh.corners(triangle).0.iter().all(is_within));
     }
 
     fn direction(&self, side: usize) -> Option<Vector3<f64>> {
@@ -200,13 +219,21 @@ impl Search<'_> {
                     continue;
                 }
                 self.visits -= 1;
-                if self.normal(there).dot(&direction).abs() < CONTAINS {
+                if self.contains(there, direction, self.normal(here)) {
                     is_found.insert(there);
                     front.push_back(there);
                 }
             }
         }
         found
+    }
+
+    /// Whether a triangle is of a strip, beside one of which the normal is given.
+    fn contains(&self, triangle: usize, direction: Vector3<f64>, beside: Vector3<f64>) -> bool {
+        let normal = self.normal(triangle);
+        normal.dot(&direction).abs() < CONTAINS
+            && (normal.cross(&beside).norm() < COPLANAR
+                || (0..3).any(|side| self.is_parallel(3 * triangle + side, direction)))
     }
 
     /// The mean direction of the sides of some triangles that are parallel to one.
