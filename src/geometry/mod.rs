@@ -3,55 +3,31 @@
 //! It is a crate for itself, which the crate `isomark` shows as its module `geometry`.
 //!
 //! Lengths are in mm and angles in rad. Each frame has its own point type ([`space`]).
+//!
+//! The rooms, in the order in which a job passes them: `part` (what the file describes, and the heights that the laser sees),
+//! [`surface`] (the fit), `drawing` (paths and ink), [`mapping`] (the length-true map), `laser` (the corrected drawing, and what
+//! the machine can mark).
 
 // Paths start at the root of all rooms, here as elsewhere.
 use crate as geometry;
 
 pub mod space;
-pub mod mesh;
-pub mod point_cloud;
-mod adjacency;
-pub mod winding;
-pub mod noise;
-pub mod holes;
-mod chord_normals;
-mod shape_fit;
-pub mod cylinder;
-pub mod smooth_mesh;
-mod osculating_jet;
-mod flats;
-pub mod shading;
-pub mod flat_shading;
-pub mod curved_triangle;
-pub mod solid;
-pub mod height_field;
+mod part;
 pub mod normal_equations;
 pub mod surface;
-pub mod pattern;
-pub mod contour;
-pub mod ink;
+mod drawing;
 pub mod relief;
-mod chords;
-pub mod close_lines;
-pub mod distances;
 mod divided;
-pub mod ink_mesh;
 pub mod mapping;
 pub mod primitive;
-pub mod marking;
-pub mod optics;
-pub mod correction;
-mod exposure;
-pub mod sensitivity;
-pub mod shadow;
-pub mod frame_outline;
-pub mod fill;
-pub mod focus;
-pub mod mark_region;
-pub mod rotary;
-pub mod belt;
-pub mod sides;
-pub mod rims;
-pub mod silhouette;
+mod laser;
 pub mod picture_mesh;
 pub mod shapes;
+
+pub use drawing::{close_lines, contour, distances, ink, ink_mesh, pattern};
+pub use laser::{belt, correction, fill, focus, frame_outline, marking, optics, rotary, sensitivity, shadow};
+use part::{adjacency, chord_normals, flats, osculating_jet, shape_fit};
+pub use part::{
+    curved_triangle, cylinder, flat_shading, height_field, holes, mark_region, mesh, noise, point_cloud,
+    rims, shading, sides, silhouette, smooth_mesh, solid, winding,
+};

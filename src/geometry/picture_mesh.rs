@@ -2,12 +2,12 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, numbered, opposite_sides, weld};
-use super::divided::{SAGS, divided, must_divide};
-use super::height_field::{HeightField, Node};
-use super::mesh::TriMesh;
-use super::primitive::Primitive;
-use super::space::{Extents, View, ViewPoint};
+use crate::geometry::adjacency::{NONE, numbered, opposite_sides, weld};
+use crate::geometry::divided::{SAGS, divided, must_divide};
+use crate::geometry::height_field::{HeightField, Node};
+use crate::geometry::mesh::TriMesh;
+use crate::geometry::primitive::Primitive;
+use crate::geometry::space::{Extents, View, ViewPoint};
 
 /// Facets whose normals differ by more than this, rad, meet at an edge.
 const EDGE: f64 = 35.0 * std::f64::consts::PI / 180.0;

@@ -2,11 +2,11 @@
 
 use nalgebra::{Point3, Unit, Vector2, Vector3};
 
-use super::height_field::{HeightField, Node, STEEPEST_SURFACE};
-use super::mapping::cone::Cone;
-use super::mapping::cylinder::Cylinder;
-use super::space::ViewPoint;
-use super::surface::fit::{FitError, FittedSurface};
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE};
+use crate::geometry::mapping::cone::Cone;
+use crate::geometry::mapping::cylinder::Cylinder;
+use crate::geometry::space::ViewPoint;
+use crate::geometry::surface::fit::{FitError, FittedSurface};
 
 /// A round bar, straight or tapered, under the laser. The origin of the view is the middle of its crest, the line
 /// that is nearest to the laser.

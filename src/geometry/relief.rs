@@ -1,9 +1,9 @@
 //! How much a surface changes within rectangles of the view, so that samples can be far apart where it is smooth.
 
-use super::height_field::{Node, Uncertainty};
-use super::ink::{Block, Ink};
-use super::space::{Extents, ViewPoint};
-use super::surface::fit::FittedSurface;
+use crate::geometry::height_field::{Node, Uncertainty};
+use crate::geometry::ink::{Block, Ink};
+use crate::geometry::space::{Extents, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
 
 /// Cells of the height field along a side of the smallest tile.
 const TILE: usize = 2;

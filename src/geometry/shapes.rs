@@ -2,8 +2,8 @@
 
 use nalgebra::{Point3, Vector2};
 
-use super::height_field::{HeightField, Node, STEEPEST_SURFACE};
-use super::mesh::TriMesh;
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE};
+use crate::geometry::mesh::TriMesh;
 
 /// A sphere of radius 30 mm about the origin, z = √(900 − x² − y²).
 pub fn sphere(x: f64, y: f64) -> f64 {

@@ -22,11 +22,11 @@ use self::floater::{FloaterError, FloaterMap, FloaterWeights};
 use self::isometric::{Figure, Instead, IsometricError, IsometricMap, IsometricOptions};
 use self::mapping_domain::{MappingDomainError, MappingDomainMap, MappingDomainOptions};
 use self::patch::{SampledPatch, TooFewPoints};
-use super::ink::Ink;
-use super::pattern::Pattern;
-use super::primitive::{Form, Primitive};
-use super::space::{Extents, FlatPoint, ViewPoint};
-use super::surface::fit::FittedSurface;
+use crate::geometry::ink::Ink;
+use crate::geometry::pattern::Pattern;
+use crate::geometry::primitive::{Form, Primitive};
+use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
+use crate::geometry::surface::fit::FittedSurface;
 
 /// The method by which the map is found.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,0 +1,147 @@
+//! Which triangles, vertices and sides of a mesh are neighbours.
+
+use nalgebra::{Point3, Vector3};
+
+/// Positions closer together than this, mm, are treated as one vertex: exporters repeat vertices at face borders, and
+/// the precision of a 32-bit float is 0.00002 mm on a part of 200 mm.
+const WELD_DISTANCE: f64 = 1e-4;
+
+/// The normal of a triangle whose smallest height is less than this, mm, is not reliable.
+const SLIVER: f64 = 0.005;
+
+/// Marks a missing index, such as that of a side or a vertex.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// For each position, the number of its place, from 0 in the order of first appearance; positions in one weld cell
+/// share a place.
+pub(crate) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
+    numbered(positions.len(), |index| {
+        positions[index].coords.map(|value| (value / WELD_DISTANCE).round() as i64).into()
+    })
+}
+
+/// For each of `count` items, the number of its key, from 0 in the order of first appearance.
+pub(crate) fn numbered(count: usize, key: impl Fn(usize) -> [i64; 3]) -> Vec<u32> {
+    // Open addressing with at most half of the slots used; each slot holds the first item with its key.
+    let slots = (count * 2).next_power_of_two();
+    let mut first = vec![NONE; slots];
+    let mut numbers = vec![0; count];
+    let mut next = 0;
+    for index in 0..count {
+        let here = key(index);
+        let mixed = hash(here.map(|value| value as u64));
+        let mut slot = (mixed >> 20) as usize & (slots - 1);
+        while first[slot] != NONE && key(first[slot] as usize) != here {
+            slot = (slot + 1) & (slots - 1);
+        }
+        if first[slot] == NONE {
+            first[slot] = index as u32;
+            numbers[index] = next;
+            next += 1;
+        } else {
+            numbers[index] = numbers[first[slot] as usize];
+        }
+    }
+    numbers
+}
+
+/// A hash of three numbers, well mixed in its upper bits (Fibonacci hashing: D. E. Knuth, The Art of Computer
+/// Programming 3, 1998, section 6.4).
+pub(super) fn hash(numbers: [u64; 3]) -> u64 {
+    numbers
+        .iter()
+        .fold(0, |sum: u64, number| (sum.rotate_left(23) ^ number).wrapping_mul(0x9E37_79B9_7F4A_7C15))
+}
+
+/// For each side of each triangle (side 3·t + k runs from corner k to the next), the other side between the same two
+/// vertices; [`NONE`] at a border and where more than two triangles meet.
+pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let count = triangles.iter().flatten().max().map_or(0, |last| *last as usize + 1);
+    let ends = |side: usize| {
+        let (from, to) = (triangles[side / 3][side % 3], triangles[side / 3][(side + 1) % 3]);
+        // (side + 1) % 3 is the next corner, because 3·t is a multiple of 3.
+        (from.min(to), from.max(to))
+    };
+    let sides = triangles.len() * 3;
+    let mut starts = vec![0u32; count + 1];
+    (0..sides).for_each(|side| starts[ends(side).0 as usize + 1] += 1);
+    (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
+    let mut next = starts.clone();
+    let mut sorted = vec![(0u32, 0u32); sides];
+    for side in 0..sides {
+        let (lower, upper) = ends(side);
+        sorted[next[lower as usize] as usize] = (upper, side as u32);
+        next[lower as usize] += 1;
+    }
+    let mut opposite = vec![NONE; sides];
+    for vertex in 0..count {
+        let around = &mut sorted[starts[vertex] as usize..starts[vertex + 1] as usize];
+        around.sort_unstable();
+        for run in around.chunk_by(|a, b| a.0 == b.0) {
+            if let [(upper, one), (_, two)] = *run
+                && upper != vertex as u32
+            {
+                (opposite[one as usize], opposite[two as usize]) = (two, one);
+            }
+        }
+    }
+    opposite
+}
+
+/// For each vertex, the vertices that share a side with it.
+pub(super) struct Neighbours {
+    starts: Vec<u32>,
+    vertices: Vec<u32>,
+}
+
+impl Neighbours {
+    pub(super) fn of(triangles: &[[u32; 3]], count: usize) -> Self {
+        let sides =
+            || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (a, c), (b, c), (b, a), (c, a), (c, b)]);
+        let mut starts = vec![0u32; count + 1];
+        sides().for_each(|(from, _)| starts[from as usize + 1] += 1);
+        (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
+        let mut next = starts.clone();
+        let mut all = vec![0u32; triangles.len() * 6];
+        for (from, to) in sides() {
+            all[next[from as usize] as usize] = to;
+            next[from as usize] += 1;
+        }
+        // Inner sides occur twice, once for each of their triangles.
+        let mut vertices = Vec::with_capacity(all.len() / 2 + count);
+        let mut unique_starts = vec![0u32; count + 1];
+        for vertex in 0..count {
+            let around = &mut all[starts[vertex] as usize..starts[vertex + 1] as usize];
+            around.sort_unstable();
+            vertices.extend(around.chunk_by(|a, b| a == b).map(|run| run[0]));
+            unique_starts[vertex + 1] = vertices.len() as u32;
+        }
+        Self { starts: unique_starts, vertices }
+    }
+
+    /// The neighbours of a vertex, ascending.
+    pub(super) fn of_vertex(&self, vertex: usize) -> &[u32] {
+        &self.vertices[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+    }
+}
+
+pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
+    (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+}
+
+/// How far a triangle reaches from one of its sides, mm.
+pub(super) fn width(points: [Point3<f64>; 3], side: usize) -> f64 {
+    let [from, to, far] = [0, 1, 2].map(|turn| points[(side + turn) % 3]);
+    let along = to - from;
+    along.cross(&(far - from)).norm() / along.norm()
+}
+
+/// The longest side of a triangle that is too narrow for a reliable normal, `None` for other triangles. Exporters
+/// make such slivers where the vertices of two faces do not coincide.
+pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {
+    let [a, b, c] = points;
+    let sides = [b - a, c - b, a - c].map(|side| side.norm_squared());
+    let longest = (1..3).fold(0, |longest, side| if sides[side] > sides[longest] { side } else { longest });
+    let doubled_area = (b - a).cross(&(c - a)).norm_squared();
+    (doubled_area < SLIVER * SLIVER * sides[longest]).then_some(longest)
+}

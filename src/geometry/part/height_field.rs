@@ -1,0 +1,627 @@
+//! The height field: the height of the part over a grid of the view, as the laser sees it.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::curved_triangle::Hit;
+use super::mesh::TriMesh;
+use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
+use super::solid::Solid;
+use super::solid::frame::Placement;
+use super::solid::rays::{FaceHit, SeenSolid, first_of};
+use crate::geometry::space::{Extents, View, ViewPoint};
+
+/// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
+/// lower (60° by default); the fit uses the surface between the two limits as a border.
+pub const STEEPEST_SURFACE: f64 = 75.0 * std::f64::consts::PI / 180.0;
+
+/// Two sides of the part whose meshes are not joined continue each other where the difference of their heights is as
+/// their slopes predict, to within this share of the distance between nodes.
+const OFFSET: f64 = 0.1;
+
+/// Nodes round an edge of the part are within this many steps of its height, unless the edge is hidden.
+const NEAR: f64 = 4.0;
+
+/// A second side of the part that faces the laser closer than this behind the first, mm, is a second skin. Coincident
+/// copies, closer than the second value, are one.
+const SKINS: [f64; 2] = [0.05, 2e-3];
+
+/// What the laser meets at a grid node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Node {
+    /// Nothing: outside the part, or a hole through it.
+    Empty,
+    /// Surface that is too steep to mark, or at a cliff. Its height, mm, is not part of the smooth surface.
+    Wall(f64),
+    /// Surface at this height, mm.
+    Surface(f64),
+}
+
+/// A square grid over the view, mm; its nodes are at whole multiples of the step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// The lower left node.
+    pub origin: Vector2<f64>,
+    /// Distance between nodes, mm.
+    pub step: f64,
+    /// Nodes along x.
+    pub columns: usize,
+    /// Nodes along y.
+    pub rows: usize,
+}
+
+/// Heights of the part's side that faces the laser, on a square grid of the view, mm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeightField {
+    grid: Grid,
+    nodes: Vec<Node>,
+}
+
+/// For every node, the triangle that the laser meets there, and where; `None` beside the part.
+type NodeHits = Vec<Option<(u32, Hit)>>;
+
+/// The nodes with a second skin, in ascending order, and its distance from the first, mm.
+type SecondSkins = Vec<(usize, f64)>;
+
+/// A part turned to the laser, ready to be sampled at any spacing.
+#[derive(Debug, Clone)]
+pub struct FacingPart {
+    mesh: SmoothMesh,
+    /// The exact faces, if they are known; the mesh is empty then.
+    faces: Option<SeenSolid>,
+    extents: Extents,
+}
+
+/// A sampled part.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct PartSamples {
+    /// The heights.
+    pub field: HeightField,
+    /// For each node, whether an edge of the part is next to it: between two smooth sides, or at a cliff.
+    pub is_at_edge: Vec<bool>,
+    /// For each node, how far the part may be from its height, mm, where the part's normals contradict its facets;
+    /// empty if they contradict nowhere.
+    pub doubts: Vec<f64>,
+    /// Where the part has two skins, one closely behind the other and both facing the laser.
+    pub skins: Option<Skins>,
+    /// For each node, how far the part may be from its samples because neighbouring curved facets lead to different
+    /// slopes; empty if none do.
+    pub uncertainties: Vec<Uncertainty>,
+    /// For each node, the slope of the part along x and y, no unit; 0 beside the part.
+    pub slopes: Vec<Vector2<f64>>,
+}
+
+/// How far the part may be from its samples: between the vertices of a mesh, where they and their normals do not define it,
+/// or because the points of a scan scatter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Uncertainty {
+    /// Of the slope, rad.
+    pub slope: f32,
+    /// Of the height, mm.
+    pub height: f32,
+}
+
+impl Uncertainty {
+    /// The part is known.
+    pub const NONE: Self = Self { slope: 0.0, height: 0.0 };
+
+    /// The doubt about the slope is a mean over a facet; at some place it is this many times as large. Sums over many facets need
+    /// the mean, largest values the latter.
+    pub const PEAK: f64 = 3.0;
+
+    /// That of a `slope`, rad, that changes its sign over `reach`, mm: the height is the sagitta of an arc that leaves its chord at this
+    /// angle.
+    pub(super) fn over(slope: f32, reach: f32) -> Self {
+        Self { slope, height: slope * reach / 4.0 }
+    }
+
+    /// Over how much of the surface the slope is wrong to one side, mm: about a facet of a mesh, a wave of a scan.
+    pub fn reach(self) -> f64 {
+        if self.slope > 0.0 { 4.0 * f64::from(self.height / self.slope) } else { 0.0 }
+    }
+
+    /// The larger slope and the larger height of two.
+    pub fn largest(self, other: Self) -> Self {
+        Self { slope: self.slope.max(other.slope), height: self.height.max(other.height) }
+    }
+}
+
+/// Two sides of the part, one closely behind the other and both facing the laser.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Skins {
+    /// A node where both are.
+    pub at: ViewPoint,
+    /// The distance between them there along the laser's axis, mm.
+    pub gap: f64,
+    /// The share of the nodes on the part where there are two.
+    pub share: f64,
+}
+
+impl Grid {
+    /// The grid over `extents`, with an odd number of nodes along both sides.
+    pub fn over(extents: &Extents, step: f64) -> Self {
+        let first = (extents.min / step).map(f64::floor);
+        let count = (extents.max / step).map(f64::ceil) - first;
+        let odd = |count: f64| (count as usize).next_multiple_of(2) + 1;
+        Self { origin: first * step, step, columns: odd(count.x), rows: odd(count.y) }
+    }
+
+    /// The grid over the same rectangle with half the step.
+    pub fn halved(&self) -> Self {
+        Self { step: self.step / 2.0, columns: 2 * self.columns - 1, rows: 2 * self.rows - 1, ..*self }
+    }
+
+    /// The position of a node.
+    pub fn position(&self, column: usize, row: usize) -> ViewPoint {
+        (self.origin + Vector2::new(column as f64, row as f64) * self.step).into()
+    }
+
+    /// Number of nodes.
+    pub fn count(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// The column and row of the grid cell that contains a point, and the point's place in it, 0 to 1 along x and y.
+    pub fn cell(&self, at: ViewPoint) -> Option<(usize, usize, Vector2<f64>)> {
+        let place = (at.coords() - self.origin) / self.step;
+        let largest = Vector2::new((self.columns - 1) as f64, (self.rows - 1) as f64);
+        if !(place.x >= 0.0 && place.y >= 0.0 && place.x <= largest.x && place.y <= largest.y) {
+            return None;
+        }
+        let (column, row) = ((place.x as usize).min(self.columns - 2), (place.y as usize).min(self.rows - 2));
+        Some((column, row, place - Vector2::new(column as f64, row as f64)))
+    }
+
+    /// The four nodes round a cell: lower left, lower right, upper left, upper right.
+    pub fn cell_nodes(&self, column: usize, row: usize) -> [usize; 4] {
+        let lower = row * self.columns + column;
+        [lower, lower + 1, lower + self.columns, lower + self.columns + 1]
+    }
+
+    /// The nodes from `low` to `high` along a side of `count` nodes that starts at `start`.
+    fn range(&self, low: f64, high: f64, start: f64, count: usize) -> std::ops::Range<usize> {
+        let from = ((low - start) / self.step).ceil().max(0.0) as usize;
+        let to = (((high - start) / self.step).floor() + 1.0).clamp(0.0, count as f64) as usize;
+        from..to
+    }
+}
+
+impl FacingPart {
+    /// The part as the `view` shows it. Normals of the file are used; for a mesh without normals they are estimated
+    /// ([`SmoothMesh::new`]).
+    pub fn new(mesh: &TriMesh, view: &View) -> Self {
+        // The table of continuing sides is large and no longer needed.
+        let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view) };
+        let corners = mesh.triangles.iter().flatten();
+        let extents = Extents::of(corners.map(|&index| mesh.positions[index as usize].coords.xy()));
+        Self { mesh, faces: None, extents }
+    }
+
+    /// The exact faces of a solid as the `view` shows them; `mesh` is a tessellation of it, which gives its extents.
+    pub fn of_solid(solid: &Solid, mesh: &TriMesh, view: &View) -> Self {
+        let corners = mesh.triangles().iter().flatten();
+        let extents =
+            Extents::of(corners.map(|&index| view.point(mesh.positions()[index as usize]).coords.xy()));
+        let faces = SeenSolid::new(&solid.placed(&Placement::turned(view.rotation())));
+        Self { mesh: SmoothMesh::default(), faces: Some(faces), extents }
+    }
+
+    /// The exact faces, if they are known.
+    pub fn faces(&self) -> Option<&SeenSolid> {
+        self.faces.as_ref()
+    }
+
+    /// The bounding rectangle of the part in the view, mm.
+    pub fn extents(&self) -> Extents {
+        self.extents
+    }
+
+    /// The mean distance between neighbouring vertices of the side that faces the laser, mm in the view, as if equilateral
+    /// triangles covered it; 0 for exact faces.
+    pub fn spacing(&self) -> f64 {
+        if self.faces.is_some() {
+            return 0.0;
+        }
+        let (mut area, mut count) = (0.0, 0usize);
+        for triangle in 0..self.mesh.triangles.len() {
+            let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
+            let doubled = (b - a).perp(&(c - a));
+            if doubled > 0.0 {
+                (area, count) = (area + doubled / 2.0, count + 1);
+            }
+        }
+        (area / count.max(1) as f64 * 4.0 / 3f64.sqrt()).sqrt()
+    }
+
+    /// Samples, for every node of the grid, the point of the curved triangles that is nearest to the laser.
+    pub fn sample(&self, grid: &Grid) -> PartSamples {
+        let (hits, doubled) = match &self.faces {
+            Some(faces) => exact_hits(faces, grid),
+            None => self.hits(grid),
+        };
+        let met = hits.iter().flatten().count();
+        let skins = doubled.first().map(|&(node, gap)| Skins {
+            at: grid.position(node % grid.columns, node / grid.columns),
+            gap,
+            share: doubled.len() as f64 / met.max(1) as f64,
+        });
+        let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
+        self.mark_edges(&field, &hits, &mut is_at_edge);
+        self.mark_creases(&field, &mut is_at_edge);
+        PartSamples {
+            field,
+            is_at_edge,
+            doubts: self.doubts(&hits),
+            uncertainties: self.uncertainties(&hits),
+            slopes: hits.iter().map(|hit| hit.map_or_else(Vector2::zeros, |(_, hit)| hit.gradient)).collect(),
+            skins,
+        }
+    }
+
+    /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin.
+    fn hits(&self, grid: &Grid) -> (NodeHits, SecondSkins) {
+        let mut hits: NodeHits = vec![None; grid.count()];
+        let mut doubled = Vec::new();
+        for triangle in 0..self.mesh.triangles.len() {
+            let points = self.mesh.corners(triangle).0;
+            let extents = Extents::of(points.map(|point| point.coords.xy()));
+            // An edge between normals 90° apart bulges by less than a quarter of its length.
+            let grown = extents.grown(extents.size().norm() * 0.25);
+            let in_columns = grid.range(grown.min.x, grown.max.x, grid.origin.x, grid.columns);
+            let in_rows = grid.range(grown.min.y, grown.max.y, grid.origin.y, grid.rows);
+            if in_columns.is_empty() || in_rows.is_empty() {
+                continue;
+            }
+            let patch = self.mesh.patch(triangle);
+            let bulge = patch.largest_bulge();
+            let near = extents.grown(bulge);
+            for row in in_rows {
+                for column in in_columns.clone() {
+                    let at = grid.position(column, row).coords();
+                    if !near.contains(at) {
+                        continue;
+                    }
+                    let Some(hit) = patch.hit(at) else { continue };
+                    let node = row * grid.columns + column;
+                    let seen = &mut hits[node];
+                    if let Some((other, old)) = seen {
+                        let gap = (hit.height - old.height).abs();
+                        if gap < SKINS[0] && gap > SKINS[1] && self.are_skins(triangle, *other as usize) {
+                            doubled.push((node, gap));
+                        }
+                    }
+                    // A flat facet under a neighbour's bulge must not hide the true surface.
+                    let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
+                    match seen {
+                        Some((_, old)) if old.on_patch && hit.height <= old.height + lead => {}
+                        Some((_, old)) if !old.on_patch && hit.height + 2.0 * bulge <= old.height => {}
+                        Some((_, old)) if !old.on_patch && !hit.on_patch && hit.height <= old.height => {}
+                        _ => *seen = Some((triangle as u32, hit)),
+                    }
+                }
+            }
+        }
+        doubled.sort_by_key(|&(node, _)| node);
+        doubled.dedup_by_key(|&mut (node, _)| node);
+        (hits, doubled)
+    }
+
+    /// Whether two triangles that are hit at one node face the same way and have no corner in common.
+    fn are_skins(&self, one: usize, other: usize) -> bool {
+        let turn = |triangle: usize| {
+            let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
+            (b - a).perp(&(c - a))
+        };
+        let [one_places, other_places] = [one, other].map(|triangle| self.mesh.corners(triangle).0);
+        let touch = one_places.iter().any(|place| other_places.contains(place));
+        turn(one) * turn(other) > 0.0 && !touch
+    }
+
+    fn uncertainties(&self, hits: &[Option<(u32, Hit)>]) -> Vec<Uncertainty> {
+        if self.mesh.slope_doubts.is_empty() {
+            return Vec::new();
+        }
+        let of_triangle = |triangle: usize| {
+            let slope = self.mesh.slope_doubts[triangle];
+            let reach = if slope > 0.0 { self.mesh.reach_of_turn(triangle) } else { 0.0 };
+            Uncertainty::over(slope, reach as f32)
+        };
+        hits.iter()
+            .map(|hit| hit.map_or(Uncertainty::NONE, |(triangle, _)| of_triangle(triangle as usize)))
+            .collect()
+    }
+
+    fn doubts(&self, hits: &[Option<(u32, Hit)>]) -> Vec<f64> {
+        if self.mesh.doubts.is_empty() {
+            return Vec::new();
+        }
+        hits.iter().map(|hit| hit.map_or(0.0, |(triangle, _)| self.mesh.doubts[triangle as usize])).collect()
+    }
+
+    /// Marks the nodes round creases, the edges of the part that only its facets show: such an edge may end in the
+    /// middle of a smooth side.
+    fn mark_creases(&self, field: &HeightField, is_at_edge: &mut [bool]) {
+        for crease in self.mesh.creases.iter().filter(|crease| crease.is_sharp) {
+            let [from, to] = self.mesh.ends(crease.side as usize);
+            let count = ((to - from).xy().norm() / field.grid.step * 2.0).ceil().max(1.0) as usize;
+            for index in 0..=count {
+                let at = from + (to - from) * (index as f64 / count as f64);
+                let Some((column, row, _)) = field.grid.cell(ViewPoint::new(at.x, at.y)) else { continue };
+                for node in field.grid.cell_nodes(column, row) {
+                    // A node at another height hides the edge.
+                    let is_near = |height: f64| (height - at.z).abs() < NEAR * field.grid.step;
+                    is_at_edge[node] |= matches!(field.nodes[node], Node::Surface(height) if is_near(height));
+                }
+            }
+        }
+    }
+
+    /// Marks neighbouring nodes on two smooth sides of the part that do not continue each other.
+    fn mark_edges(&self, field: &HeightField, hits: &[Option<(u32, Hit)>], is_at_edge: &mut [bool]) {
+        for_each_side(&field.grid, |first, second, step| {
+            let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
+            let is_surface = |node: usize| matches!(field.nodes[node], Node::Surface(_));
+            let region = |index: u32| self.mesh.regions.get(index as usize).copied().unwrap_or(index);
+            let (one, other) = (region(one), region(other));
+            if one == other || !is_surface(first) || !is_surface(second) {
+                return;
+            }
+            let normal = |hit: &Hit| Vector3::new(-hit.gradient.x, -hit.gradient.y, 1.0).normalize();
+            let climb = (a.gradient + b.gradient).dot(&step) / 2.0;
+            let is_smooth = normal(&a).dot(&normal(&b)) > NORMAL_TOLERANCE.cos()
+                && (b.height - a.height - climb).abs() < OFFSET * field.grid.step;
+            if !is_smooth {
+                (is_at_edge[first], is_at_edge[second]) = (true, true);
+            }
+        });
+    }
+}
+
+impl HeightField {
+    /// A height field from its nodes, row by row; `None` if their number does not match or the grid is invalid.
+    pub fn new(
+        origin: Vector2<f64>,
+        step: f64,
+        columns: usize,
+        rows: usize,
+        nodes: Vec<Node>,
+    ) -> Option<Self> {
+        let fits = columns.checked_mul(rows) == Some(nodes.len()) && columns > 1 && rows > 1;
+        (fits && step > 0.0 && step.is_finite() && origin.iter().all(|value| value.is_finite()))
+            .then_some(Self { grid: Grid { origin, step, columns, rows }, nodes })
+    }
+
+    /// Changes the heights of the surface: `change` gets the index of a node and its height, mm, and returns the new one.
+    pub fn adjust(&mut self, change: impl Fn(usize, f64) -> f64) {
+        for (index, node) in self.nodes.iter_mut().enumerate() {
+            if let Node::Surface(height) = node {
+                *height = change(index, *height);
+            }
+        }
+    }
+
+    /// The heights, and for each node whether a cliff is next to it.
+    fn from_hits(grid: &Grid, hits: &[Option<(u32, Hit)>]) -> (Self, Vec<bool>) {
+        let steepest = STEEPEST_SURFACE.tan();
+        let mut nodes: Vec<Node> = hits
+            .iter()
+            .map(|hit| match hit {
+                None => Node::Empty,
+                Some((_, hit)) if hit.steepness() <= steepest => Node::Surface(hit.height),
+                Some((_, hit)) => Node::Wall(hit.height),
+            })
+            .collect();
+        let steepness = |index: usize| hits[index].map_or(0.0, |(_, hit)| hit.steepness().min(steepest));
+        let mut is_at_cliff = vec![false; nodes.len()];
+        for_each_side(grid, |first, second, _| {
+            let (Some((_, a)), Some((_, b))) = (hits[first], hits[second]) else { return };
+            // Between two nodes a smooth surface climbs no faster than its slopes there, plus a margin for curvature.
+            let climb = 2.0 * steepness(first).max(steepness(second)) + 1.0;
+            if (a.height - b.height).abs() > climb * grid.step {
+                nodes[first] = Node::Wall(a.height);
+                nodes[second] = Node::Wall(b.height);
+                (is_at_cliff[first], is_at_cliff[second]) = (true, true);
+            }
+        });
+        (Self { grid: *grid, nodes }, is_at_cliff)
+    }
+
+    /// The grid.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The lower left node, mm.
+    pub fn origin(&self) -> Vector2<f64> {
+        self.grid.origin
+    }
+
+    /// Distance between nodes, mm.
+    pub fn step(&self) -> f64 {
+        self.grid.step
+    }
+
+    /// Number of columns and rows.
+    pub fn size(&self) -> (usize, usize) {
+        (self.grid.columns, self.grid.rows)
+    }
+
+    /// The nodes, row by row from the lower left.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// The position of a node.
+    pub fn position(&self, column: usize, row: usize) -> ViewPoint {
+        self.grid.position(column, row)
+    }
+
+    /// All nodes on the smooth surface: (column, row, height in mm).
+    pub fn surface_nodes(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.nodes.iter().enumerate().filter_map(|(index, node)| match node {
+            Node::Surface(height) => Some((index % self.grid.columns, index / self.grid.columns, *height)),
+            _ => None,
+        })
+    }
+
+    /// The bounding rectangle of all nodes on the part, mm, with its walls; the part ends less than a step beyond it.
+    pub fn extents(&self) -> Extents {
+        let on_part = self.nodes.iter().enumerate().filter(|(_, node)| **node != Node::Empty);
+        let columns = self.grid.columns;
+        Extents::of(on_part.map(|(index, _)| self.position(index % columns, index / columns).coords()))
+    }
+
+    /// The column and row of the grid cell that contains a point, and the point's place in it, 0 to 1 along x and y.
+    pub fn cell(&self, at: ViewPoint) -> Option<(usize, usize, Vector2<f64>)> {
+        self.grid.cell(at)
+    }
+
+    /// The four nodes round a cell: lower left, lower right, upper left, upper right.
+    pub fn cell_nodes(&self, column: usize, row: usize) -> [usize; 4] {
+        self.grid.cell_nodes(column, row)
+    }
+
+    /// Whether a node within `distance` mm of a place of the view is on the smooth surface.
+    pub fn has_surface_near(&self, place: ViewPoint, distance: f64) -> bool {
+        self.surface_nodes().any(|(column, row, _)| self.position(column, row).distance(place) <= distance)
+    }
+
+    /// Whether the point is on the smooth surface: all four nodes round it are.
+    pub fn is_surface(&self, at: ViewPoint) -> bool {
+        self.cell(at).is_some_and(|(column, row, _)| {
+            self.cell_nodes(column, row).iter().all(|&index| matches!(self.nodes[index], Node::Surface(_)))
+        })
+    }
+}
+
+/// For every node, the face that is hit there, and where it is hit; and the nodes with a second skin.
+fn exact_hits(solid: &SeenSolid, grid: &Grid) -> (NodeHits, SecondSkins) {
+    let mut all: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.count()];
+    for (index, face) in solid.faces().iter().enumerate() {
+        let [low, high] = face.bounds();
+        let in_columns = grid.range(low.x, high.x, grid.origin.x, grid.columns);
+        for row in grid.range(low.y, high.y, grid.origin.y, grid.rows) {
+            for column in in_columns.clone() {
+                let at = grid.position(column, row).coords();
+                face.hits(index as u32, at, &mut all[row * grid.columns + column]);
+            }
+        }
+    }
+    let mut doubled = Vec::new();
+    let hits = all.iter().enumerate().map(|(node, hits)| {
+        let first = first_of(hits)?;
+        let is_skin = |hit: &&FaceHit| {
+            hit.is_inside
+                && first.is_inside
+                && hit.face != first.face
+                && hit.normal.z > 0.0
+                && first.normal.z > 0.0
+        };
+        let gaps = hits.iter().filter(is_skin).map(|hit| first.height - hit.height);
+        if let Some(gap) = gaps.filter(|gap| *gap < SKINS[0] && *gap > SKINS[1]).reduce(f64::min) {
+            doubled.push((node, gap));
+        }
+        // A normal along the view, of a wall, gives an infinite slope, whichever way it points.
+        let gradient = -first.normal.xy() / first.normal.z;
+        Some((first.face, Hit { height: first.height, gradient, on_patch: true }))
+    });
+    let hits = hits.collect();
+    (hits, doubled)
+}
+
+/// Visits every pair of nodes that are neighbours along x or y, with the step from the first to the second, mm.
+fn for_each_side(grid: &Grid, mut visit: impl FnMut(usize, usize, Vector2<f64>)) {
+    for row in 0..grid.rows {
+        for column in 0..grid.columns {
+            let here = row * grid.columns + column;
+            if column + 1 < grid.columns {
+                visit(here, here + 1, Vector2::new(grid.step, 0.0));
+            }
+            if row + 1 < grid.rows {
+                visit(here, here + grid.columns, Vector2::new(0.0, grid.step));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::space::Facing;
+    use nalgebra::Point3;
+
+    impl FacingPart {
+        fn sampled(&self, step: f64) -> HeightField {
+            self.sample(&Grid::over(&self.extents, step)).field
+        }
+    }
+
+    fn mesh(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> TriMesh {
+        TriMesh::new(positions.iter().map(|&p| Point3::from(p)).collect(), Vec::new(), triangles.to_vec())
+            .unwrap()
+    }
+
+    /// A 10 × 10 mm plate at z = 0 with a 4 × 4 mm plate 3 mm above its middle.
+    fn two_floors() -> TriMesh {
+        let square =
+            |half: f64, z: f64| [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]];
+        let positions: Vec<_> = square(5.0, 0.0).into_iter().chain(square(2.0, 3.0)).collect();
+        mesh(&positions, &[[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    }
+
+    #[test]
+    fn surface_is_near_from_its_border_on() {
+        let field = FacingPart::new(&two_floors(), &View::top()).sampled(0.5);
+        for (place, near, far) in [([9.0, 0.0], 4.6, 3.4), ([0.0, -35.0], 30.6, 29.4), ([8.0, 9.0], 5.7, 4.3)]
+        {
+            let place = ViewPoint::from(Vector2::from(place));
+            assert!(field.has_surface_near(place, near) && !field.has_surface_near(place, far), "{place:?}");
+        }
+        assert!(field.has_surface_near(ViewPoint::new(1.0, 1.0), 0.5));
+        assert!(!field.has_surface_near(ViewPoint::new(f64::NAN, 0.0), 1e9));
+    }
+
+    #[test]
+    fn the_side_nearest_to_the_laser_is_sampled_and_cliffs_are_walls() {
+        let field = FacingPart::new(&two_floors(), &View::top()).sampled(0.5);
+        let node = |x: f64, y: f64| {
+            let (column, row, _) = field.cell(ViewPoint::new(x, y)).unwrap();
+            field.nodes()[field.cell_nodes(column, row)[0]]
+        };
+        assert_eq!(node(0.0, 0.0), Node::Surface(3.0));
+        assert_eq!(node(4.0, 4.0), Node::Surface(0.0));
+        assert_eq!(node(2.0, 0.0), Node::Wall(3.0));
+        assert_eq!(node(2.5, 0.0), Node::Wall(0.0));
+        // The part measures 10 x 10 mm; its outermost nodes are less than a step inside.
+        let size = field.extents().size();
+        assert!(size.min() > 9.0 - 1e-9 && size.max() < 10.0 + 1e-9, "{size}");
+        assert!(!field.is_surface(ViewPoint::new(2.2, 0.0)) && field.is_surface(ViewPoint::new(3.2, 0.0)));
+    }
+
+    #[test]
+    fn a_view_from_below_samples_the_other_side() {
+        let below = View::new(Facing::towards(-Vector3::z()).unwrap(), 0.0);
+        let field = FacingPart::new(&two_floors(), &below).sampled(1.0);
+        assert!(field.surface_nodes().all(|(_, _, height)| height.abs() < 1e-12));
+        assert_eq!(field.surface_nodes().count(), 121);
+    }
+
+    #[test]
+    fn a_hole_stays_visible() {
+        let ring = mesh(
+            &[
+                [-4.0, -4.0, 1.0],
+                [4.0, -4.0, 1.0],
+                [4.0, 4.0, 1.0],
+                [-4.0, 4.0, 1.0],
+                [-1.0, -1.0, 1.0],
+                [1.0, -1.0, 1.0],
+                [1.0, 1.0, 1.0],
+                [-1.0, 1.0, 1.0],
+            ],
+            &[[0, 1, 5], [0, 5, 4], [1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7]],
+        );
+        let field = FacingPart::new(&ring, &View::top()).sampled(0.5);
+        assert!(!field.is_surface(ViewPoint::new(0.1, 0.1)) && field.is_surface(ViewPoint::new(2.1, 2.1)));
+    }
+}

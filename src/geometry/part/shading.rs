@@ -1,0 +1,465 @@
+//! Decides whether a file's normals describe the surface or are only for shading.
+//!
+//! CAD programs write the normals of the modelled surface. Modelling programs with smooth shading write averages of
+//! the facets round a vertex, so that an edge looks round in a picture. Beside a narrow bevel, such a normal leans
+//! away from a large flat side by half the bevel's angle; a surface with these normals would bulge like a cushion.
+
+use nalgebra::{Point3, Vector3};
+
+use super::adjacency::{NONE, hash, sliver_side, weld};
+use super::chord_normals::{self, Chord};
+use super::flats;
+use super::mesh::TriMesh;
+use super::smooth_mesh::{MOST_BEND, SmoothMesh};
+use crate::geometry::space::View;
+
+/// Maximum number of vertices examined; larger meshes are sampled evenly.
+const SAMPLE: usize = 5_000;
+/// Size of the table that quickly rules out most vertices that were not sampled: many times larger than [`SAMPLE`].
+const TABLE_SIZE: usize = 1 << 19;
+/// Maximum number of vertices that vote, in meshes of more than [`SMALL`] triangles.
+const MAX_VOTES: usize = 500;
+/// Smallest bulge, mm, at which a wrong normal matters.
+const MIN_BULGE: f64 = 0.002;
+/// A normal equals an average when the angle between them is at most this, rad: files round normals to three or four
+/// digits.
+const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
+/// Facets at a vertex whose normals differ by at most this, rad, are treated as one plane.
+const COPLANAR: f64 = std::f64::consts::PI / 180.0;
+/// In meshes of at most this many triangles, coplanar triangles are grouped into faces; in larger meshes every
+/// triangle is a separate face.
+const SMALL: usize = 6_000;
+/// Two directions are distinguished when their angle is at least this share of the facets' bend at the vertex:
+/// estimates on coarse meshes are wrong by a few per cent of it.
+const MIN_SHARE_OF_BEND: f64 = 0.2;
+/// The smallest distinguished angle, rad, where the estimate is the normal of one of the facets, as beside a flat side.
+const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
+/// The same share where the estimate stands at right angles to a side, to within this sine, that the file's normal would make
+/// bulge by more than this, mm: such estimates are better.
+const MIN_SHARE_BESIDE_SIDE: f64 = 0.05;
+const RIGHT_ANGLE: f64 = 1e-3;
+const NOTABLE_BULGE: f64 = 0.02;
+/// A vertex votes for one of two directions when the file's normal is within this share of their angle from it.
+const VOTE_SHARE: f64 = 0.25;
+/// The share of the normals between bent facets that must be averages before the estimate is computed at all.
+const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
+
+/// CAD programs cut arcs into facets that turn by at most 0.5 rad, and all about as far from the part. Where a normal leans more
+/// than half of that, as a sine, from a side, which would bulge so many times as far as all others there, it only shades.
+const STEEP_LEAN: f64 = 0.25;
+const BULGES_ALONE: f64 = 3.0;
+/// The share of the normals that are averages where all are, but for a few.
+const ALL_AVERAGES: f64 = 0.95;
+/// Sides nearer to the direction of a side than this, as a cosine, would bulge as far.
+const ALONGSIDE: f64 = 0.5;
+
+/// A normal whose angle to its facet has a smaller cosine than this (78°) is unrelated to it.
+const UNRELATED: f64 = 0.2;
+/// The share of the visible area with unrelated normals above which none of the normals is trusted.
+pub const WILD: f64 = 0.3;
+/// Fewer triangles are no part.
+const LEAST_WILD: usize = 12;
+
+/// The part's normals that are unrelated to its facets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WildNormals {
+    /// Share of the visible area.
+    pub share: f64,
+    /// The first place, mm.
+    pub at: Point3<f64>,
+}
+
+/// Whether the side of a mesh that faces a direction has normals that are unrelated to its facets; `None` if most of them
+/// fit. The orientation of the triangles must follow the normals.
+pub fn wild_normals(mesh: &TriMesh, facing: &Vector3<f64>) -> Option<WildNormals> {
+    if mesh.normals().is_empty() || mesh.triangles().len() < LEAST_WILD {
+        return None;
+    }
+    let (mut area, mut unrelated, mut first) = (0.0, 0.0, None);
+    for &triangle in mesh.triangles() {
+        let [a, b, c] = mesh.corners(triangle);
+        let across = (b - a).cross(&(c - a));
+        let size = across.norm();
+        if across.dot(facing) < UNRELATED * size {
+            continue;
+        }
+        for vertex in triangle {
+            let normal = mesh.normals()[vertex as usize];
+            area += size;
+            if normal != Vector3::zeros() && normal.dot(&across) < UNRELATED * size {
+                unrelated += size;
+                first.get_or_insert(mesh.positions()[vertex as usize]);
+            }
+        }
+    }
+    let share = unrelated / area;
+    first.filter(|_| share > WILD).map(|at| WildNormals { share, at })
+}
+
+/// A facet, seen from one of its corners.
+struct Facet {
+    corner: usize,
+    normal: Vector3<f64>,
+    /// The corner's angle, rad.
+    angle: f64,
+    /// mm².
+    area: f64,
+    /// Of all facets in its plane, mm².
+    plane_area: f64,
+    /// The longer of the sides that meet at the corner, mm.
+    reach: f64,
+}
+
+/// Whether the normals of the file are only averages of its facets, for shading. `false` for a mesh without normals.
+///
+/// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
+/// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
+/// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
+/// one: the vertex then votes for a surface. So does a vertex at the border of a curved face whose normal leaves the facets there.
+pub fn only_shade(mesh: &TriMesh) -> bool {
+    if mesh.normals().is_empty() {
+        return false;
+    }
+    let estimate = |part: TriMesh| SmoothMesh::new(&part.with_shading_normals(), &View::top());
+    let whole = (mesh.triangles().len() <= SMALL).then(|| estimate(mesh.clone()));
+    let areas = whole.as_ref().map(flats::plane_areas);
+    let places = Places::sampled(mesh, areas.as_deref());
+    let mut averages: Vec<Averages> =
+        places.facets.iter().flat_map(|facets| Averages::at(mesh, facets)).collect();
+    let matches = |averages: &[Averages], weighting: usize| {
+        averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
+    };
+    let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(&averages, weighting)) else {
+        return false;
+    };
+    if averages.is_empty()
+        || (matches(&averages, weighting) as f64) < MIN_SHARE_OF_AVERAGES * averages.len() as f64
+    {
+        return false;
+    }
+    let is_all = matches(&averages, weighting) as f64 > ALL_AVERAGES * averages.len() as f64;
+    let steep = averages.iter().filter(|there| there.bend > MOST_BEND).count();
+    if is_all && 2 * steep > averages.len() {
+        return true;
+    }
+    let (smooth, part) = match whole {
+        Some(smooth) => (smooth, None),
+        None => {
+            let every = averages.len().div_ceil(MAX_VOTES).max(1);
+            averages = averages.into_iter().step_by(every).collect();
+            let Some((part, triangles)) = neighbourhood(mesh, averages.iter().map(|there| there.corner / 3))
+            else {
+                return false;
+            };
+            (estimate(part), Some(triangles))
+        }
+    };
+    let mut shading = 0usize;
+    let mut surface: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
+    for there in &averages {
+        let triangle = there.corner / 3;
+        let Some(triangle) = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok())
+        else {
+            continue;
+        };
+        let estimated = smooth.corners(triangle).1[there.corner % 3];
+        let average = there.averages[weighting];
+        let apart = angle(average, estimated);
+        let least = if there.is_normal_of_a_face(estimated) {
+            MIN_ANGLE_TO_FACE
+        } else if there.holds_a_side(mesh, estimated) {
+            SAME.max(there.bend * MIN_SHARE_BESIDE_SIDE)
+        } else {
+            SAME.max(there.bend * MIN_SHARE_OF_BEND)
+        };
+        if apart < least {
+            continue;
+        }
+        if angle(there.file, average) < apart * VOTE_SHARE {
+            let estimate_at = |corner: usize| {
+                let triangle = corner / 3;
+                let known = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok());
+                known.map(|known| smooth.corners(known).1)
+            };
+            let of_file = |corner: usize| {
+                Some(mesh.triangles()[corner / 3].map(|index| mesh.normals()[index as usize]))
+            };
+            let of_file = chords_at(mesh, &there.shared, of_file);
+            // In the root mean square over all directions, two normals lean differently by this share of their angle.
+            let limit = apart * VOTE_SHARE / std::f64::consts::SQRT_2;
+            let is_smoother = || {
+                let of_estimate = chords_at(mesh, &there.shared, estimate_at);
+                chord_normals::unevenness(&of_estimate) > chord_normals::unevenness(&of_file) + limit
+            };
+            let is_smooth = chord_normals::are_of_smooth_curves(of_file.iter().map(|chord| (*chord, 1.0)));
+            // Between facets as narrow as those of a small chamfer or fillet, the estimate may take each turn round the part for
+            // an edge; as normals of flat facets, its normals lean evenly then, too.
+            let splits = there.shared.iter().any(|&corner| {
+                estimate_at(corner).is_some_and(|normals| !is_within(normals[corner % 3], estimated, SAME))
+            });
+            if splits && is_smooth && of_file.iter().all(|chord| chord.turn() < MOST_BEND) {
+                continue;
+            }
+            if is_smooth && is_smoother() && !bulges_alone(mesh, there) {
+                surface += 1;
+            } else {
+                shading += 1;
+            }
+        } else if angle(there.file, estimated) < apart * VOTE_SHARE {
+            surface += 1;
+        }
+    }
+    // Where as many speak for either, averages everywhere are no accident.
+    shading > surface || (is_all && shading > 0 && shading == surface)
+}
+
+/// The sides that meet at a vertex, which is a corner of several facets, each for each of its facets. `normals` returns those of
+/// the facet of a corner.
+fn chords_at(
+    mesh: &TriMesh,
+    corners: &[usize],
+    normals: impl Fn(usize) -> Option<[Vector3<f64>; 3]>,
+) -> Vec<Chord> {
+    let of_facet = |&corner: &usize| {
+        let (points, here) = (mesh.corners(mesh.triangles()[corner / 3]), corner % 3);
+        normals(corner).into_iter().flat_map(move |normals| {
+            [1, 2].map(|turn| [here, (here + turn) % 3]).map(|ends| Chord {
+                ends: ends.map(|end| points[end]),
+                normals: ends.map(|end| normals[end]),
+            })
+        })
+    };
+    corners.iter().flat_map(of_facet).collect()
+}
+
+/// The sides of facets that start at these corners of theirs, mm.
+fn sides_at<'a>(mesh: &'a TriMesh, corners: &'a [usize]) -> impl Iterator<Item = Vector3<f64>> + 'a {
+    corners.iter().flat_map(|&corner| {
+        let (points, here) = (mesh.corners(mesh.triangles()[corner / 3]), corner % 3);
+        [1, 2].map(|turn| points[(here + turn) % 3] - points[here])
+    })
+}
+
+/// Whether the normal of the file would make a side at its vertex bulge as no tessellation of a part does.
+fn bulges_alone(mesh: &TriMesh, there: &Averages) -> bool {
+    let sides = || sides_at(mesh, &there.shared);
+    let off = |side: &Vector3<f64>| there.file.dot(side).abs();
+    let Some(farthest) = sides().max_by(|one, other| off(one).total_cmp(&off(other))) else { return false };
+    let aside = |other: &Vector3<f64>| other.dot(&farthest) <= ALONGSIDE * other.norm() * farthest.norm();
+    let others = sides().filter(aside).map(|other| off(&other)).fold(0.0, f64::max);
+    off(&farthest) > STEEP_LEAN * farthest.norm() && off(&farthest) > BULGES_ALONE * others
+}
+
+/// Number of ways in which modelling programs weight the facets round a vertex.
+const WEIGHTINGS: usize = 6;
+
+/// The triangles within three vertices of the given ones, on which their estimates depend: as a mesh, and their
+/// indices in ascending order.
+fn neighbourhood(mesh: &TriMesh, triangles: impl Iterator<Item = usize>) -> Option<(TriMesh, Vec<usize>)> {
+    let places = weld(mesh.positions());
+    let mut chosen = vec![false; mesh.triangles().len()];
+    triangles.for_each(|triangle| chosen[triangle] = true);
+    for _ in 0..3 {
+        let mut is_near = vec![false; places.len()];
+        for (corners, _) in mesh.triangles().iter().zip(&chosen).filter(|(_, chosen)| **chosen) {
+            corners.iter().for_each(|&vertex| is_near[places[vertex as usize] as usize] = true);
+        }
+        for (corners, chosen) in mesh.triangles().iter().zip(&mut chosen) {
+            *chosen |= corners.iter().any(|&vertex| is_near[places[vertex as usize] as usize]);
+        }
+    }
+    let numbers: Vec<usize> = (0..chosen.len()).filter(|&triangle| chosen[triangle]).collect();
+    let mut used: Vec<u32> = numbers.iter().flat_map(|&triangle| mesh.triangles()[triangle]).collect();
+    used.sort_unstable();
+    used.dedup();
+    let renamed = |vertex: u32| used.binary_search(&vertex).map_or(0, |index| index as u32);
+    let positions = used.iter().map(|&vertex| mesh.positions()[vertex as usize]).collect();
+    let normals = used.iter().map(|&vertex| mesh.normals()[vertex as usize]).collect();
+    let triangles = numbers.iter().map(|&triangle| mesh.triangles()[triangle].map(renamed)).collect();
+    Some((TriMesh::new(positions, normals, triangles).ok()?, numbers))
+}
+
+/// The different normals at a place, each with the facets that share it.
+fn normals_at<'a>(mesh: &TriMesh, facets: &'a [Facet]) -> Vec<(Vector3<f64>, Vec<&'a Facet>)> {
+    let normal =
+        |facet: &Facet| mesh.normals()[mesh.triangles()[facet.corner / 3][facet.corner % 3] as usize];
+    let mut found: Vec<(Vector3<f64>, Vec<&Facet>)> = Vec::new();
+    for facet in facets {
+        let file = normal(facet);
+        if file != Vector3::zeros() && !found.iter().any(|(other, _)| is_within(*other, file, SAME)) {
+            let shared = facets.iter().filter(|other| is_within(normal(other), file, SAME));
+            found.push((file, shared.collect()));
+        }
+    }
+    found
+}
+
+/// Number of normals at a place that are further from all facets that share them than these are from one another, as at the end
+/// of a curved face: no average of these facets is.
+fn count_leaving(mesh: &TriMesh, facets: &[Facet]) -> usize {
+    let leaves = |(file, shared): &(Vector3<f64>, Vec<&Facet>)| {
+        let [first, others @ ..] = shared.as_slice() else { return false };
+        let spread = others.iter().map(|facet| angle(facet.normal, first.normal)).fold(0.0, f64::max);
+        let off = shared.iter().map(|facet| angle(facet.normal, *file)).fold(f64::INFINITY, f64::min);
+        let reach = shared.iter().map(|facet| facet.reach).fold(0.0, f64::max);
+        off > COPLANAR.max(2.0 * spread) && off * reach / 4.0 > MIN_BULGE
+    };
+    normals_at(mesh, facets).iter().filter(|there| leaves(there)).count()
+}
+
+/// A normal of the file, and the averages that it could be.
+struct Averages {
+    /// A corner that has the normal: 3·triangle + 0, 1 or 2.
+    corner: usize,
+    /// All corners that have it.
+    shared: Vec<usize>,
+    file: Vector3<f64>,
+    /// The largest angle between two of the facets, rad.
+    bend: f64,
+    /// One for each way of weighting.
+    averages: [Vector3<f64>; WEIGHTINGS],
+    /// The normals of the facets.
+    faces: Vec<Vector3<f64>>,
+}
+
+impl Averages {
+    /// For each different normal at a place, if the facets that share it are not coplanar.
+    fn at(mesh: &TriMesh, facets: &[Facet]) -> Vec<Self> {
+        let mut found: Vec<Self> = Vec::new();
+        for (file, shared) in normals_at(mesh, facets) {
+            let polygons = Polygon::of(&shared);
+            let bends = polygons
+                .iter()
+                .flat_map(|one| polygons.iter().map(move |other| angle(one.normal, other.normal)));
+            let bend = bends.fold(0.0, f64::max);
+            let reach = shared.iter().map(|facet| facet.reach).fold(0.0, f64::max);
+            if bend * reach / 8.0 < MIN_BULGE {
+                continue;
+            }
+            let sum = |weight: &dyn Fn(&Facet) -> f64| {
+                direction(shared.iter().map(|facet| facet.normal * weight(facet)).sum())
+            };
+            let averages = [
+                sum(&|facet| facet.angle),
+                sum(&|facet| facet.area),
+                sum(&|_| 1.0),
+                direction(polygons.iter().map(|polygon| polygon.normal).sum()),
+                direction(polygons.iter().map(|polygon| polygon.normal * polygon.area).sum()),
+                direction(polygons.iter().map(|polygon| polygon.normal * polygon.area * polygon.angle).sum()),
+            ];
+            let corner = shared[0].corner;
+            let faces = polygons.iter().map(|polygon| polygon.normal).collect();
+            let shared = shared.iter().map(|facet| facet.corner).collect();
+            found.push(Self { corner, shared, file, bend, averages, faces });
+        }
+        found
+    }
+
+    /// Whether a normal is at right angles to a side that the file's normal bends.
+    fn holds_a_side(&self, mesh: &TriMesh, normal: Vector3<f64>) -> bool {
+        sides_at(mesh, &self.shared).any(|side| {
+            normal.dot(&side).abs() < RIGHT_ANGLE * side.norm()
+                && self.file.dot(&side).abs() / 4.0 > NOTABLE_BULGE
+        })
+    }
+
+    /// Whether a normal is that of one of the facets.
+    fn is_normal_of_a_face(&self, normal: Vector3<f64>) -> bool {
+        self.faces.iter().any(|face| is_within(*face, normal, MIN_ANGLE_TO_FACE / 2.0))
+    }
+}
+
+/// Facets at a vertex that lie in one plane: a face of the model that was divided into triangles on export.
+struct Polygon {
+    normal: Vector3<f64>,
+    /// Of the whole face, mm², if that is known.
+    area: f64,
+    angle: f64,
+}
+
+impl Polygon {
+    fn of(facets: &[&Facet]) -> Vec<Self> {
+        let mut polygons: Vec<Self> = Vec::new();
+        for facet in facets {
+            match polygons.iter_mut().find(|polygon| is_within(polygon.normal, facet.normal, COPLANAR)) {
+                Some(polygon) => polygon.angle += facet.angle,
+                None => {
+                    polygons.push(Self { normal: facet.normal, area: facet.plane_area, angle: facet.angle });
+                }
+            }
+        }
+        polygons
+    }
+}
+
+/// Facets round the sampled places of a mesh.
+struct Places {
+    facets: Vec<Vec<Facet>>,
+}
+
+impl Places {
+    fn sampled(mesh: &TriMesh, plane_areas: Option<&[f64]>) -> Self {
+        let positions = mesh.positions();
+        let stride = positions.len().div_ceil(SAMPLE).max(1);
+        let mut sampled: Vec<[u64; 3]> = positions.iter().step_by(stride).map(key).collect();
+        sampled.sort_unstable();
+        sampled.dedup();
+        // Most corners of a large mesh are not sampled; this table saves searching for them.
+        let mut is_likely = vec![false; TABLE_SIZE];
+        sampled.iter().for_each(|key| is_likely[table_place(key)] = true);
+        let place_of = |position| {
+            let key = key(position);
+            is_likely[table_place(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
+        };
+        let of_vertex: Vec<u32> =
+            positions.iter().map(|at| place_of(at).map_or(NONE, |place| place as u32)).collect();
+        let mut facets: Vec<Vec<Facet>> = sampled.iter().map(|_| Vec::new()).collect();
+        for (triangle, &corners) in mesh.triangles().iter().enumerate() {
+            let points = mesh.corners(corners);
+            if sliver_side(points).is_some() {
+                continue;
+            }
+            for corner in 0..3 {
+                let place = of_vertex[corners[corner] as usize];
+                if place == NONE {
+                    continue;
+                }
+                let [here, one, two] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);
+                let (first, second) = (one - here, two - here);
+                let across = first.cross(&second);
+                let Some(normal) = across.try_normalize(0.0) else { continue };
+                let area = across.norm() / 2.0;
+                facets[place as usize].push(Facet {
+                    corner: triangle * 3 + corner,
+                    normal,
+                    angle: first.angle(&second),
+                    area,
+                    plane_area: plane_areas.map_or(area, |areas| areas[triangle]),
+                    reach: first.norm().max(second.norm()),
+                });
+            }
+        }
+        Self { facets }
+    }
+}
+
+/// Equal for equal positions; -0 is treated as 0.
+fn key(position: &Point3<f64>) -> [u64; 3] {
+    [position.x, position.y, position.z].map(|coordinate| (coordinate + 0.0).to_bits())
+}
+
+fn table_place(key: &[u64; 3]) -> usize {
+    (hash(*key) >> 40) as usize % TABLE_SIZE
+}
+
+fn direction(sum: Vector3<f64>) -> Vector3<f64> {
+    sum.try_normalize(0.0).unwrap_or(sum)
+}
+
+fn angle(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
+    a.cross(&b).norm().atan2(a.dot(&b))
+}
+
+fn is_within(a: Vector3<f64>, b: Vector3<f64>, limit: f64) -> bool {
+    angle(a, b) <= limit
+}

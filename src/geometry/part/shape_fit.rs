@@ -1,0 +1,46 @@
+//! Fits a shape to points by least squares.
+
+use nalgebra::{Point3, SMatrix, SVector, Vector3};
+
+/// A fit has converged when its step is below this, mm and rad.
+const CONVERGED: f64 = 1e-10;
+/// Maximum number of steps.
+pub(crate) const MAX_STEPS: usize = 30;
+
+/// Minimises the sum of the squared distances of the points from a shape with the Gauss–Newton method, in at most so many steps.
+/// `distance_of` returns the signed distance of a point and its derivatives by the shape's parameters, `moved`
+/// the shape after a step of the parameters.
+pub(crate) fn fitted<Shape: Copy, const PARAMETERS: usize>(
+    steps: usize,
+    points: &[Point3<f64>],
+    mut shape: Shape,
+    distance_of: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
+    moved: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
+) -> Shape {
+    for _ in 0..steps {
+        let mut matrix = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
+        let mut right = SVector::<f64, PARAMETERS>::zeros();
+        for point in points {
+            let (distance, derivatives) = distance_of(&shape, point);
+            let row = SVector::from(derivatives);
+            matrix += row * row.transpose();
+            right -= row * distance;
+        }
+        let Some(factor) = matrix.cholesky() else { break };
+        let step = factor.solve(&right);
+        if !step.iter().all(|value| value.is_finite()) {
+            break;
+        }
+        shape = moved(&shape, &step.into());
+        if step.norm() < CONVERGED {
+            break;
+        }
+    }
+    shape
+}
+
+/// Two unit vectors perpendicular to `axis` and to each other.
+pub(crate) fn cross_directions(axis: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let first = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
+    (first, axis.cross(&first))
+}
