@@ -107,18 +107,27 @@ pub(super) fn settle(
 fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>, bool)> {
     let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
     let search = Search { mesh, around, near: precision(mesh) };
+    let is_open =
+        |triangle: &usize| mesh.triangles[*triangle].iter().any(|&vertex| estimated[vertex as usize]);
+    let bulges = (0..mesh.triangles.len()).filter(is_open).map(|triangle| (triangle, mesh.bulge(triangle)));
+    let mut seeds: Vec<(usize, f64)> =
+        bulges.filter(|&(triangle, bulge)| bulge >= ESTIMATED * search.least_bulge(triangle)).collect();
+    // Facets that leave a cylinder less far belong to the group of those that leave it farther, as the narrow ones round a hole.
+    seeds.sort_by(|(_, one), (_, other)| other.total_cmp(one));
+    // Facets of which a group is certain, and those that were in any group.
     let mut is_known = vec![false; mesh.triangles.len()];
+    let mut is_tried = is_known.clone();
     let mut groups = Vec::new();
-    for triangle in 0..mesh.triangles.len() {
-        let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
-        if is_known[triangle] || !is_open || mesh.bulge(triangle) < ESTIMATED * search.least_bulge(triangle) {
+    for (triangle, _) in seeds {
+        if is_tried[triangle] {
             continue;
         }
         let Some(group) = search.group_at(triangle, &is_known) else { continue };
-        group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
+        group.triangles.iter().for_each(|&triangle| is_tried[triangle] = true);
         let surroundings = Surroundings { mesh, around: &search.around, near: search.near };
         let on_mesh = OnMesh { mesh, group: &group };
         if search.turns_enough(&group) && surroundings.confirm(&on_mesh) {
+            group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
             let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
             groups.push((group, at_edges, is_hollow));
         }
