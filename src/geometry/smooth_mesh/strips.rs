@@ -20,14 +20,16 @@ const OFF: f64 = 4.0;
 const CONTAINS: f64 = 1e-3;
 /// Any facets that meet have one ruling; by chance, so many in a row are not parallel.
 const LEAST_RULINGS: usize = 5;
-/// Facets that turn by less than this between two rulings, rad, are in one plane.
+/// Facets that turn by less than this between two rulings, rad, show nothing: on fine meshes, sides beside each other are parallel.
+const LEAST_TURN: f64 = 0.02;
+/// Facets that turn by less than this, rad, are in one plane.
 const COPLANAR: f64 = 1e-3;
 /// Facets looked at on either side of a first ruling, at most.
 const MOST_STEPS: usize = 6 * LEAST_RULINGS;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
-/// Triangles that are looked at for all strips, at most, for each of the mesh: a flat side belongs to the strips of all its fillets.
-const MOST_VISITS: usize = 4;
+/// Triangles that are looked at for all strips, at most: strips of more are fine, and estimated well with their neighbours.
+const MOST_VISITS: usize = 60_000;
 
 /// Replaces normals that are `estimated` at the vertices of extruded strips, and their `deviations`; `is_round` are the triangles
 /// whose normals are known. Returns the doubts of the slopes of the strips' triangles, rad; `hidden` are the arcs that edges
@@ -83,7 +85,7 @@ fn certain_strips(
         return Vec::new();
     }
     let mut around = None;
-    let mut search = Search { mesh, near: precision(mesh), visits: MOST_VISITS * count };
+    let mut search = Search { mesh, near: precision(mesh), visits: MOST_VISITS };
     let mut is_seen = vec![false; count];
     let mut strips = Vec::new();
     for triangle in 0..count {
@@ -91,7 +93,11 @@ fn certain_strips(
         if is_seen[triangle] || is_round.get(triangle) == Some(&true) || !is_open || !mesh.bulges(triangle) {
             continue;
         }
-        let Some((axis, triangles)) = search.strip_at(triangle) else { continue };
+        let found = search.strip_at(triangle);
+        if search.visits == 0 {
+            break;
+        }
+        let Some((axis, triangles)) = found else { continue };
         triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
         let around = around.get_or_insert_with(|| Neighbours::of(&mesh.triangles, mesh.positions.len()));
         let surroundings = Surroundings { mesh, around, near: search.near };
@@ -188,7 +194,7 @@ impl Search<'_> {
                 let Some(next) = next else { break };
                 side = self.mesh.continued[next] as usize;
                 let normal = self.normal(side / 3);
-                if self.is_parallel(side, direction) && normal.cross(&last).norm() > COPLANAR {
+                if self.is_parallel(side, direction) && normal.cross(&last).norm() > LEAST_TURN {
                     count += 1;
                     last = normal;
                 }
