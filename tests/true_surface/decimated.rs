@@ -20,7 +20,7 @@ const PARTS: [(&str, &str, Height); 3] = [
 #[test]
 fn results_on_decimated_parts_are_upper_estimates() {
     for (name, file, height) in PARTS {
-        let surface = surface_of_file(file, MeshFormat::Obj).unwrap();
+        let surface = surface_of_file(file.as_bytes(), MeshFormat::Obj).unwrap();
         let [reported, truth] = judged(&surface, height);
         let errors = [
             ("mm of lengths", reported.length_error, truth.length_error, SLACK[0]),

@@ -96,7 +96,7 @@ fn shaded(mesh: &TriMesh) -> FittedSurface {
         let [a, b, c] = corners.map(|corner| corner + 1);
         writeln!(text, "f {a}//{a} {b}//{b} {c}//{c}").unwrap();
     }
-    surface_of_file(&text, MeshFormat::Obj).unwrap()
+    surface_of_file(text.as_bytes(), MeshFormat::Obj).unwrap()
 }
 
 /// Cylinder, cone, sphere, torus and ellipsoid with a sag, mm, without normals and with averages.

@@ -42,7 +42,7 @@ pub(super) fn runs(seeds: impl Iterator<Item = u64>, shadings: &[Shading]) -> (V
     for seed in seeds {
         for &shading in shadings {
             let part = Part::draw(&mut Random::new(seed), shading);
-            let found = surface_of_file(&part.obj(), MeshFormat::Obj)
+            let found = surface_of_file(part.obj().as_bytes(), MeshFormat::Obj)
                 .ok()
                 .and_then(|surface| judged_if_on(&surface, &part.height));
             let Some(of) = found else {

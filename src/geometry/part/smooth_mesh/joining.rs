@@ -72,7 +72,8 @@ impl SmoothMesh {
     /// normals, Journal of Graphics Tools 4(2), 1999), then those of the cubics through the vertices round it
     /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; where arcs
     /// of different radii meet, those that the arcs lead to (`arcs`); at right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
-    /// in its fillet, those that the narrow ones lead to (`flats`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    /// in its fillet, those that the narrow ones lead to (`flats`). The sides of cylinders and extruded strips are estimated without what is
+    /// beyond their ends (`cylinders`, `strips`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         if mesh.is_facetted() {

@@ -20,14 +20,16 @@ const OFF: f64 = 4.0;
 const CONTAINS: f64 = 1e-3;
 /// Any facets that meet have one ruling; by chance, so many in a row are not parallel.
 const LEAST_RULINGS: usize = 5;
-/// Facets that turn by less than this between two rulings, rad, are in one plane.
+/// Facets that turn by less than this between two rulings, rad, show nothing: on fine meshes, sides beside each other are parallel.
+const LEAST_TURN: f64 = 0.02;
+/// Facets that turn by less than this, rad, are in one plane.
 const COPLANAR: f64 = 1e-3;
 /// Facets looked at on either side of a first ruling, at most.
 const MOST_STEPS: usize = 6 * LEAST_RULINGS;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
-/// Triangles that are looked at for all strips, at most, for each of the mesh: a flat side belongs to the strips of all its fillets.
-const MOST_VISITS: usize = 4;
+/// Triangles that are looked at for all strips, at most: strips of more are fine, and estimated well with their neighbours.
+const MOST_VISITS: usize = 60_000;
 
 /// Replaces normals that are `estimated` at the vertices of extruded strips, and their `deviations`; `is_round` are the triangles
 /// whose normals are known. Returns the doubts of the slopes of the strips' triangles, rad; `hidden` are the arcs that edges
@@ -83,7 +85,7 @@ fn certain_strips(
         return Vec::new();
     }
     let mut around = None;
-    let mut search = Search { mesh, near: precision(mesh), visits: MOST_VISITS * count };
+    let mut search = Search { mesh, near: precision(mesh), visits: MOST_VISITS };
     let mut is_seen = vec![false; count];
     let mut strips = Vec::new();
     for triangle in 0..count {
@@ -91,7 +93,11 @@ fn certain_strips(
         if is_seen[triangle] || is_round.get(triangle) == Some(&true) || !is_open || !mesh.bulges(triangle) {
             continue;
         }
-        let Some((axis, triangles)) = search.strip_at(triangle) else { continue };
+        let found = search.strip_at(triangle);
+        if search.visits == 0 {
+            break;
+        }
+        let Some((axis, triangles)) = found else { continue };
         triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
         let around = around.get_or_insert_with(|| Neighbours::of(&mesh.triangles, mesh.positions.len()));
         let surroundings = Surroundings { mesh, around, near: search.near };
@@ -188,7 +194,7 @@ impl Search<'_> {
                 let Some(next) = next else { break };
                 side = self.mesh.continued[next] as usize;
                 let normal = self.normal(side / 3);
-                if self.is_parallel(side, direction) && normal.cross(&last).norm() > COPLANAR {
+                if self.is_parallel(side, direction) && normal.cross(&last).norm() > LEAST_TURN {
                     count += 1;
                     last = normal;
                 }
@@ -383,5 +389,145 @@ impl Straight for Strip<'_> {
 
     fn largest_bulge(&self) -> f64 {
         (0..self.alone.triangles.len()).map(|triangle| self.alone.bulge(triangle)).fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::mesh::TriMesh;
+    use crate::geometry::space::View;
+
+    const HALF_AXES: [f64; 2] = [30.0, 16.0];
+
+    /// A ring at a height, of the ellipse or of its parallel curve so far inside.
+    struct Ring {
+        angles: Vec<f64>,
+        inside: f64,
+        height: f64,
+    }
+
+    impl Ring {
+        fn at(&self, angle: f64) -> Point3<f64> {
+            let [a, b] = HALF_AXES;
+            let on = Point3::new(a * angle.cos(), b * angle.sin(), self.height);
+            on - normal_of_ellipse(&on) * self.inside
+        }
+    }
+
+    fn normal_of_ellipse(at: &Point3<f64>) -> Vector3<f64> {
+        let [a, b] = HALF_AXES;
+        Vector3::new(at.x / (a * a), at.y / (b * b), 0.0).normalize()
+    }
+
+    /// The facets between rings, from the lowest to the highest.
+    fn between(rings: &[Ring]) -> SmoothMesh {
+        let (mut positions, mut triangles, mut starts) = (Vec::new(), Vec::new(), Vec::new());
+        for ring in rings {
+            starts.push(positions.len() as u32);
+            positions.extend(ring.angles.iter().map(|&angle| ring.at(angle)));
+        }
+        for (pair, start) in rings.windows(2).zip(starts.windows(2)) {
+            let (low, high) = (&pair[0].angles, &pair[1].angles);
+            let (mut i, mut j) = (0, 0);
+            while i + 1 < low.len() || j + 1 < high.len() {
+                let (one, other) = (start[0] + i as u32, start[1] + j as u32);
+                if j + 1 == high.len() || (i + 1 < low.len() && low[i + 1] <= high[j + 1]) {
+                    triangles.push([one, one + 1, other]);
+                    i += 1;
+                } else {
+                    triangles.push([one, other + 1, other]);
+                    j += 1;
+                }
+            }
+        }
+        let all = TriMesh::new(positions, Vec::new(), triangles).unwrap();
+        SmoothMesh::new(&all, &View::top())
+    }
+
+    fn even(steps: usize) -> Vec<f64> {
+        (0..=steps).map(|step| 3.0 * step as f64 / steps as f64).collect()
+    }
+
+    /// As even steps, but for the inner ones, which are moved by up to a third of a step.
+    fn uneven(steps: usize, seed: usize) -> Vec<f64> {
+        let moved = |step: usize| {
+            let by = ((step * 7 + seed * 5) % 11) as f64 / 11.0 - 0.5;
+            if step == 0 || step == steps { 0.0 } else { 0.66 * by }
+        };
+        (0..=steps).map(|step| 3.0 * (step as f64 + moved(step)) / steps as f64).collect()
+    }
+
+    /// An oval can with fillets, whose rings are cut at other angles than the rims of its side.
+    fn filleted(fillet: f64, chords: usize, steps: usize) -> SmoothMesh {
+        let of_fillet = |end: f64| {
+            (1..=chords).map(move |ring| {
+                let turn = ring as f64 / chords as f64 * std::f64::consts::FRAC_PI_2;
+                let (inside, height) = (fillet * (1.0 - turn.cos()), end * (25.0 + fillet * turn.sin()));
+                Ring { angles: uneven(steps + ring, ring), inside, height }
+            })
+        };
+        let mut rings: Vec<Ring> = of_fillet(-1.0).collect();
+        rings.reverse();
+        let rim = |height: f64| Ring { angles: even(steps), inside: 0.0, height };
+        rings.push(rim(-25.0));
+        rings.push(rim(25.0));
+        rings.extend(of_fillet(1.0));
+        between(&rings)
+    }
+
+    /// The largest angle between the normals of the side and those of the ellipse, rad, and the largest doubt there.
+    fn errors(can: &SmoothMesh) -> [f64; 2] {
+        let (mut error, mut doubt, mut count) = (0.0f64, 0.0f64, 0);
+        for triangle in 0..can.triangles.len() {
+            let (corners, normals) = can.corners(triangle);
+            if corners.iter().any(|at| at.z.abs() > 25.0 + 1e-9) {
+                continue;
+            }
+            count += 1;
+            doubt = doubt.max(can.slope_doubts.get(triangle).copied().unwrap_or(0.0).into());
+            for (at, normal) in corners.iter().zip(normals) {
+                assert!(normal.z.abs() < 1e-6, "{at}: {normal:?}");
+                // At the two ends of the arc, the vertices are on one side only.
+                if (0.3..2.7).contains(&(at.y / HALF_AXES[1]).atan2(at.x / HALF_AXES[0])) {
+                    error = error.max(normal.angle(&normal_of_ellipse(at)));
+                }
+            }
+        }
+        assert!(count > 0);
+        [error, doubt]
+    }
+
+    #[test]
+    fn fillets_do_not_disturb_the_side_of_an_oval() {
+        for (fillet, chords, steps) in [(0.5, 3, 40), (1.0, 4, 30), (2.0, 8, 60), (4.0, 6, 30)] {
+            let alone =
+                between(&[-25.0, 25.0].map(|height| Ring { angles: even(steps), inside: 0.0, height }));
+            let ([error, doubt], by_itself) = (errors(&filleted(fillet, chords, steps)), errors(&alone));
+            let turn = 3.0 / steps as f64 * HALF_AXES[0] / HALF_AXES[1];
+            assert!(error < 0.05 * turn, "fillet {fillet}, {steps} steps: {error} rad");
+            assert!(
+                doubt <= by_itself[1] + 1e-6,
+                "fillet {fillet}, {steps} steps: {doubt} rad, {by_itself:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn rows_of_an_oval_barrel_are_no_strips() {
+        // The two rings beside the middle are equal: all sides between them are parallel.
+        let bulge = |height: f64| 90.0 - (90.0f64.powi(2) - height * height).sqrt();
+        let heights = [-17.5, -12.5, -7.5, -2.5, 2.5, 7.5, 12.5, 17.5];
+        let barrel = between(&heights.map(|height| Ring { angles: even(40), inside: bulge(height), height }));
+        let mut leans = 0;
+        for (at, normal) in barrel.positions.iter().zip(&barrel.normals) {
+            if at.z.abs() < 3.0 && (-15.0..15.0).contains(&at.x) {
+                // The lean of a parallel curve is that of its profile.
+                let exact = at.z / 90.0;
+                assert!((normal.z - exact).abs() < 0.25 * exact.abs(), "{at}: {normal:?} for {exact}");
+                leans += 1;
+            }
+        }
+        assert!(leans > 10);
     }
 }
