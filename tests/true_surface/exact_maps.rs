@@ -66,6 +66,25 @@ fn every_export_of_a_can_is_recognised_as_a_cylinder() {
     }
 }
 
+/// Round a hole or a boss, facets are narrow and irregular.
+#[test]
+fn shafts_with_a_hole_or_a_boss_are_recognised_as_cylinders() {
+    let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/parts/shaded");
+    for (name, radius) in [("occ-shaft-hole.stl", 22.4), ("occ-shaft-boss.stl", 25.2)] {
+        let bytes = std::fs::read(folder.join(name)).unwrap();
+        let reading =
+            mesh::read(&bytes, MeshFormat::Stl, &MeshOptions::default(), &BTreeMap::new()).unwrap();
+        let facing = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
+        let surface = FittedSurface::of_part(&facing, &FitOptions::default()).unwrap();
+        // Between the hole, or the boss, and the other end.
+        let middle = FlatPoint::new(-6.0, 0.0);
+        let map = LengthTrueMap::find(&surface, &lines(middle), |_| true, middle, &AUTOMATIC).unwrap();
+        let LengthTrueMap::Cylinder(_, fit) = map else { panic!("{name}: {:?}", map.fit_residual()) };
+        assert!((fit.cylinder.radius - radius).abs() < 0.001 && fit.residual < 0.001, "{name}: {fit:?}");
+        assert_eq!(surface.uncertainty(middle.coords().into()).slope, 0.0, "{name}");
+    }
+}
+
 /// The upper half of the cross section of a tube deformed by three rollers: r = 30 mm + 0.2 mm · cos 3θ.
 fn pressed(x: f64, _y: f64) -> f64 {
     let radius = |turn: f64| 30.0 + 0.2 * (3.0 * turn).cos();

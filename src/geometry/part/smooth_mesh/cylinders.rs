@@ -82,6 +82,17 @@ pub(super) fn settle(
     if groups.is_empty() {
         return Vec::new();
     }
+    // A hole that is cut into a mesh has its vertices on the facets; those of the part are on the cylinder.
+    let near = precision(mesh);
+    for (group, ..) in &groups {
+        for vertex in group.triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
+            let at = &mut mesh.positions[vertex as usize];
+            let off = group.cylinder.distance(at);
+            if off.abs() > near {
+                *at -= group.cylinder.outward(at) * off;
+            }
+        }
+    }
     let mut settling = Settling::of(mesh, estimated, deviations);
     for (group, at_edges, is_hollow) in &groups {
         let way = if *is_hollow { -1.0 } else { 1.0 };
@@ -106,7 +117,8 @@ pub(super) fn settle(
 /// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges, and whether it is hollow.
 fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>, bool)> {
     let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
-    let search = Search { mesh, around, near: precision(mesh) };
+    let near = precision(mesh);
+    let search = Search { mesh, around, near, is_on_chord: on_chords(mesh, near) };
     let is_open =
         |triangle: &usize| mesh.triangles[*triangle].iter().any(|&vertex| estimated[vertex as usize]);
     let bulges = (0..mesh.triangles.len()).filter(is_open).map(|triangle| (triangle, mesh.bulge(triangle)));
@@ -133,6 +145,32 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
         }
     }
     groups
+}
+
+/// For each vertex of a mesh, whether all facets at it are in one plane: where a hole is cut into a mesh, its vertices are on the
+/// facets, and not on the part from which these were cut. Vertices may be off by `near`, mm.
+fn on_chords(mesh: &SmoothMesh, near: f64) -> Vec<bool> {
+    let mut largest = vec![(0.0, 0); mesh.positions.len()];
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = mesh.corners(triangle).0;
+        let area = (b - a).cross(&(c - a)).norm();
+        for &vertex in corners {
+            let largest = &mut largest[vertex as usize];
+            if area > largest.0 {
+                *largest = (area, triangle);
+            }
+        }
+    }
+    let mut is_on_chord = vec![true; mesh.positions.len()];
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        for &vertex in corners {
+            let normal = facet_normal(mesh.corners(largest[vertex as usize].1).0);
+            let at = mesh.positions[vertex as usize];
+            let is_in_plane = |point: &Point3<f64>| (point - at).dot(&normal).abs() <= near;
+            is_on_chord[vertex as usize] &= mesh.corners(triangle).0.iter().all(is_in_plane);
+        }
+    }
+    is_on_chord
 }
 
 impl SmoothMesh {
@@ -181,6 +219,8 @@ struct Search<'a> {
     around: Neighbours,
     /// Vertices on a cylinder are this close to it, mm.
     near: f64,
+    /// For each vertex, whether it may be on the chords of a cylinder.
+    is_on_chord: Vec<bool>,
 }
 
 impl Search<'_> {
@@ -204,7 +244,7 @@ impl Search<'_> {
                     break;
                 }
                 group.triangles = found;
-                let points = self.some_points(&group.triangles);
+                let points = self.some_points(&group.triangles, Some(&group.cylinder));
                 group.cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
             }
             let found = std::mem::take(&mut group.triangles);
@@ -264,7 +304,7 @@ impl Search<'_> {
             return None;
         }
         let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
-        let points = self.some_points(triangles);
+        let points = self.some_points(triangles, None);
         let start = circle_about(axis, &points)?;
         let is_within = |cylinder: &Cylinder, limit: f64| {
             points.iter().all(|point| cylinder.distance(point).abs() <= limit)
@@ -300,17 +340,28 @@ impl Search<'_> {
 
     fn is_on(&self, Group { cylinder, most, .. }: &Group, triangle: usize) -> bool {
         let corners = self.mesh.corners(triangle).0;
-        corners.iter().all(|point| cylinder.distance(point).abs() <= self.near)
+        let is_on = |(&vertex, point): (&u32, Point3<f64>)| {
+            let distance = cylinder.distance(&point);
+            let below = if self.is_on_chord[vertex as usize] { *most } else { self.near };
+            -below <= distance && distance <= self.near
+        };
+        self.mesh.triangles[triangle].iter().zip(corners).all(is_on)
             && bulge_on(self.mesh, cylinder, triangle) <= *most
             && facet_normal(corners).dot(&cylinder.axis).abs() < LEAN
     }
 
-    /// The different vertices of some triangles, evenly chosen if there are many.
-    fn some_points(&self, triangles: &[usize]) -> Vec<Point3<f64>> {
+    /// The different vertices of some triangles without those on chords, evenly chosen if there are many. Those that are on the
+    /// cylinder, if it is known, are not on chords.
+    fn some_points(&self, triangles: &[usize], cylinder: Option<&Cylinder>) -> Vec<Point3<f64>> {
         let mut vertices: Vec<u32> =
             triangles.iter().flat_map(|&triangle| self.mesh.triangles[triangle]).collect();
         vertices.sort_unstable();
         vertices.dedup();
+        vertices.retain(|&vertex| {
+            let at = &self.mesh.positions[vertex as usize];
+            let is_near = cylinder.is_some_and(|cylinder| cylinder.distance(at).abs() <= self.near);
+            is_near || !self.is_on_chord[vertex as usize]
+        });
         let step = vertices.len().div_ceil(MOST_POINTS).max(1);
         vertices.into_iter().step_by(step).map(|vertex| self.mesh.positions[vertex as usize]).collect()
     }
@@ -319,15 +370,15 @@ impl Search<'_> {
     fn turns_enough(&self, group: &Group) -> bool {
         let Group { cylinder, triangles, .. } = group;
         let (first, second) = cross_directions(&cylinder.axis);
-        let corners = || triangles.iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
-        let mut angles: Vec<f64> = corners()
-            .map(|point| cylinder.outward(&point))
+        let points = self.some_points(triangles, Some(cylinder));
+        let mut angles: Vec<f64> = points
+            .iter()
+            .map(|point| cylinder.outward(point))
             .map(|outward| outward.dot(&second).atan2(outward.dot(&first)))
             .collect();
         angles.sort_by(f64::total_cmp);
         angles.dedup_by(|next, kept| *next - *kept < SAME_ANGLE);
-        let count = self.some_points(triangles).len();
-        count >= LEAST_VERTICES && angles.len() >= LEAST_ANGLES
+        points.len() >= LEAST_VERTICES && angles.len() >= LEAST_ANGLES
     }
 }
 
@@ -586,6 +637,38 @@ mod tests {
                 .normalize();
             let is_inside = at.z.abs() < 20.0 && (0.4..2.6).contains(&at.y.atan2(at.x));
             assert!(!is_inside || (normal - exact).norm() < 0.01, "{at}: {normal:?} for {exact:?}");
+        }
+    }
+
+    #[test]
+    fn a_hole_that_is_cut_into_the_facets_of_a_shaft_leaves_its_cylinder() {
+        const FACETS: u32 = 20;
+        const CUT: u32 = 10;
+        let at = |step: u32, z: f64| {
+            let angle = f64::from(step) * 0.15;
+            Point3::new(20.0 * angle.cos(), 20.0 * angle.sin(), z)
+        };
+        let mut positions: Vec<_> = (0..=FACETS).flat_map(|step| [at(step, 0.0), at(step, 50.0)]).collect();
+        let mut triangles = Vec::new();
+        for step in (0..FACETS).filter(|step| *step != CUT) {
+            let [a, b, c, d] = [2 * step, 2 * step + 2, 2 * step + 3, 2 * step + 1];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        let facet = [2 * CUT, 2 * CUT + 2, 2 * CUT + 3, 2 * CUT + 1];
+        let hole = [(0.3, 20.0), (0.7, 20.0), (0.7, 24.0), (0.3, 24.0)].map(|(share, z)| {
+            positions.push(at(CUT, z) + (at(CUT + 1, z) - at(CUT, z)) * share);
+            positions.len() as u32 - 1
+        });
+        for side in 0..4 {
+            let next = (side + 1) % 4;
+            triangles.push([facet[side], facet[next], hole[next]]);
+            triangles.push([facet[side], hole[next], hole[side]]);
+        }
+        let shaft = smooth(positions, triangles);
+        for (at, normal) in shaft.positions.iter().zip(&shaft.normals) {
+            let across = Vector3::new(at.x, at.y, 0.0);
+            assert!((across.norm() - 20.0).abs() < 1e-6, "{at}");
+            assert!((normal - across.normalize()).norm() < 1e-6, "{at}: {normal:?}");
         }
     }
 }
