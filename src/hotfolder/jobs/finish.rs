@@ -1,11 +1,13 @@
 //! The end of a job: the marking software, report and pictures, and moving the original out of the hot folder.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 use super::filing::{Beside, Content, Original};
 use super::intake::Read;
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, Work, delivery, filing, recovery};
 use crate::config::{DeliveryKind, Sku, Station};
+use crate::formats::Pace;
 use crate::hotfolder::api::{Corrector, JobError};
 use crate::hotfolder::beamserver;
 use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
@@ -27,19 +29,46 @@ pub(crate) struct Ready<'a> {
 }
 
 impl<C: Corrector> Executor<'_, C> {
-    /// Does the steps after a delivery: the marking software, the report, the pictures, and filing the original.
+    /// Does the steps after a delivery: the marking software, the report, the pictures, and filing the original. While other
+    /// drops wait, it ends before the pictures with [`EarlyEnd::PicturesDue`].
     pub(crate) fn finish(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
-        match self.finish_steps(ready, &mut unfiled) {
+        if !self.may_wait(ready.task, &unfiled) {
+            return self.complete(ready, unfiled);
+        }
+        if let Err(error) = self.report(ready, &mut unfiled) {
+            return retried(error, unfiled);
+        }
+        // Nobody may see the pictures of an older drawing beside the new report.
+        for (kind, _) in &unfiled.delivery.pictures {
+            let folders = &ready.task.station.folders;
+            delivery::remove_quietly(&filing::report_path(folders, ready.sku, ready.pattern, kind.ending()));
+        }
+        Err(EarlyEnd::PicturesDue(Box::new(unfiled)))
+    }
+
+    /// Does all steps after a delivery that are not done yet.
+    pub(crate) fn complete(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
+        match self.report(ready, &mut unfiled).and_then(|()| self.pictures(ready, &mut unfiled)) {
             Ok(()) => Ok(match unfiled.certainty {
                 Certainty::Certain => Outcome::Delivered,
                 Certainty::Uncertain => Outcome::Uncertain,
             }),
-            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(unfiled)))),
-            Err(error) => Err(error.into()),
+            Err(error) => retried(error, unfiled),
         }
     }
 
-    fn finish_steps(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
+    /// Whether the pictures are drawn later. After an interruption, the journal and the original in the hot folder show that
+    /// they are missing; an original in the archive would not, and BeamServer would import the drawing a second time.
+    fn may_wait(&self, task: &Task, unfiled: &Unfiled) -> bool {
+        matches!(task.work, Work::Correct { .. })
+            && task.station.delivery.kind == DeliveryKind::Folder
+            && task.pace == Pace::Quick
+            && !unfiled.delivery.pictures.is_empty()
+            && self.others_wait.load(Ordering::Relaxed)
+    }
+
+    /// Lets BeamServer import the drawing, if it is asked to, and writes the report.
+    fn report(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
         let Task { station, .. } = ready.task;
         if station.delivery.kind == DeliveryKind::Beamserver && !unfiled.asked {
             let imported = self.import(station, ready.name, unfiled);
@@ -52,10 +81,18 @@ impl<C: Corrector> Executor<'_, C> {
             (unfiled.import, unfiled.asked) = (Import::Done, true);
         }
         let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
-        if !unfiled.delivery.report.is_empty() {
-            let report = &unfiled.delivery.report;
+        let report = &mut unfiled.delivery.report;
+        if !report.is_empty() {
             filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
+            report.clear();
         }
+        Ok(())
+    }
+
+    /// Draws the pictures, and files the original.
+    fn pictures(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
+        let (folders, sku, name) = (&ready.task.station.folders, ready.sku, ready.pattern);
+        unfiled.draw();
         for (kind, picture) in &unfiled.pictures {
             filing::write_report(folders, sku, name, kind.ending(), picture).map_err(folder_trouble)?;
         }
@@ -201,6 +238,14 @@ impl<C: Corrector> Executor<'_, C> {
             reason.on_one_line()
         );
         Ok(Outcome::Rejected(reason))
+    }
+}
+
+/// The outcome of a job that could not do a step after the delivery.
+fn retried(error: JobError, unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
+    match error {
+        JobError::Retry(reason) => Ok(Outcome::Retry(reason, Some(Box::new(unfiled)))),
+        error => Err(error.into()),
     }
 }
 
