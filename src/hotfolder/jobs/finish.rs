@@ -35,20 +35,20 @@ impl<C: Corrector> Executor<'_, C> {
         if !self.may_wait(ready.task, &unfiled) {
             return self.complete(ready, unfiled);
         }
-        if let Err(error) = self.report(ready, &mut unfiled) {
-            return retried(error, unfiled);
-        }
         // Nobody may see the pictures of an older drawing beside the new report.
         for (kind, _) in &unfiled.delivery.pictures {
             let folders = &ready.task.station.folders;
             delivery::remove_quietly(&filing::report_path(folders, ready.sku, ready.pattern, kind.ending()));
+        }
+        if let Err(error) = write_reports(ready, &mut unfiled) {
+            return retried(error, unfiled);
         }
         Err(EarlyEnd::PicturesDue(Box::new(unfiled)))
     }
 
     /// Does all steps after a delivery that are not done yet.
     pub(crate) fn complete(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
-        match self.report(ready, &mut unfiled).and_then(|()| self.pictures(ready, &mut unfiled)) {
+        match self.remaining_steps(ready, &mut unfiled) {
             Ok(()) => Ok(match unfiled.certainty {
                 Certainty::Certain => Outcome::Delivered,
                 Certainty::Uncertain => Outcome::Uncertain,
@@ -67,8 +67,7 @@ impl<C: Corrector> Executor<'_, C> {
             && self.others_wait.load(Ordering::Relaxed)
     }
 
-    /// Lets BeamServer import the drawing, if it is asked to, and writes the report.
-    fn report(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
+    fn remaining_steps(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
         let Task { station, .. } = ready.task;
         if station.delivery.kind == DeliveryKind::Beamserver && !unfiled.asked {
             let imported = self.import(station, ready.name, unfiled);
@@ -80,22 +79,8 @@ impl<C: Corrector> Executor<'_, C> {
             tracing::info!("{} {outcome}", ready.name);
             (unfiled.import, unfiled.asked) = (Import::Done, true);
         }
-        let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
-        let report = &mut unfiled.delivery.report;
-        if !report.is_empty() {
-            filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
-            report.clear();
-        }
-        Ok(())
-    }
-
-    /// Draws the pictures, and files the original.
-    fn pictures(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
-        let (folders, sku, name) = (&ready.task.station.folders, ready.sku, ready.pattern);
         unfiled.draw();
-        for (kind, picture) in &unfiled.pictures {
-            filing::write_report(folders, sku, name, kind.ending(), picture).map_err(folder_trouble)?;
-        }
+        write_reports(ready, unfiled)?;
         self.file_original(ready, &unfiled.job, unfiled.import, unfiled.certainty)
     }
 
@@ -239,6 +224,18 @@ impl<C: Corrector> Executor<'_, C> {
         );
         Ok(Outcome::Rejected(reason))
     }
+}
+
+/// Writes the report, unless it is written, and the pictures that are drawn.
+fn write_reports(ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
+    let report =
+        [(filing::REPORT, &*unfiled.delivery.report)].into_iter().filter(|(_, report)| !report.is_empty());
+    let pictures = unfiled.pictures.iter().map(|(kind, picture)| (kind.ending(), &**picture));
+    let files: Vec<(&str, &[u8])> = report.chain(pictures).collect();
+    let folders = &ready.task.station.folders;
+    filing::write_reports(folders, ready.sku, ready.pattern, &files).map_err(folder_trouble)?;
+    unfiled.delivery.report.clear();
+    Ok(())
 }
 
 /// The outcome of a job that could not do a step after the delivery.
