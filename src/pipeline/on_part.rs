@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::landmarks::view_of;
-use super::marked::Marked;
+use super::marked::{DrawnPart, Marked};
 use super::preview::{lifted, piece};
 use super::{LearnedPart, Pipeline, program};
 use crate::config::Sku;
@@ -31,17 +31,6 @@ const MARGIN: f64 = 1.0;
 const AREA_STEP: f64 = 5.0;
 /// Length of the line that shows a dot, mm: a line needs two points.
 const DOT: f64 = 0.1;
-
-/// A part as it is under all drawings of one area.
-#[derive(Debug)]
-pub(super) struct DrawnPart {
-    source: PartSource,
-    mesh: Arc<PictureMesh>,
-    is_thinned: bool,
-    rims: Arc<Vec<Vec<Point3<f64>>>>,
-    /// Whether it is drawn from all that can be known of the part: its mesh may still arrive from another station.
-    pub(super) is_final: bool,
-}
 
 impl Pipeline {
     /// The picture of a corrected drawing on its part. The part's mesh is that of the file, as the cache keeps it; without

@@ -4,8 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::mapped_ink::MappedInk;
-use super::marked::Marked;
-use super::on_part::DrawnPart;
+use super::marked::{DrawnPart, Marked};
 use crate::config::JobSettings;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::{LengthTrueMap, Method};

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::Read;
 use super::delivery::{self, How};
 use super::finish::{Ready, is_missing_for_server};
-use super::intake::Read;
 use super::resume::{Inputs, Original, Resume};
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, filing, recovery};
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold, near, nearest_first};

@@ -17,7 +17,8 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use super::intake::{self, Intake, Read};
+use super::Read;
+use super::intake::{self, Intake};
 use super::restoring::Restoring;
 use super::{EarlyEnd, End, Outcome, Task, Work, filing};
 use crate::config::{JobSettings, Sku};

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
+use super::Read;
 use super::filing::{Beside, Content, Original};
-use super::intake::Read;
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, Work, delivery, filing, recovery};
 use crate::config::{DeliveryKind, Sku, Station};
 use crate::formats::Pace;

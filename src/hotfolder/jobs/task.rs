@@ -1,12 +1,12 @@
 //! The input and the possible outcomes of a job.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use super::intake::Read;
+use super::filing::{Beside, Content, Original};
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
-use crate::hotfolder::api::{Delivery, JobError, PictureKind};
+use crate::hotfolder::api::{Delivery, DroppedFile, JobError, PictureKind};
 use crate::hotfolder::error::guarded;
 use crate::hotfolder::seen::{Gap, Stamp, delivered_as, folders, list_of, sidecar_of};
 use crate::hotfolder::state::{Certainty, DropId, Import, Job};
@@ -65,6 +65,27 @@ impl Task {
             }
             Work::CorrectAgain { .. } | Work::Learn(_) | Work::Reject(_) => None,
         }
+    }
+}
+
+/// A drop as it was read.
+pub(crate) struct Read {
+    pub(crate) file: DroppedFile,
+    pub(crate) stamp: Stamp,
+    /// Files beside it that are filed with it.
+    pub(crate) companions: Vec<Beside>,
+    /// Optional files that it names and that are missing.
+    pub(crate) absent: Vec<PathBuf>,
+    /// A pattern's own settings: the file and its text.
+    pub(crate) sidecar: Option<(PathBuf, String)>,
+    /// The list of products of a pattern: its name and its bytes.
+    pub(crate) list: Option<(String, Vec<u8>)>,
+}
+
+impl Read {
+    pub(crate) fn original<'a>(&'a self, path: &'a Path) -> Original<'a> {
+        let content = Content::Read(&self.file.bytes, self.stamp);
+        Original { path, content, companions: &self.companions }
     }
 }
 
