@@ -84,6 +84,43 @@ pub fn write_whole_unsynced(folder: &Path, name: &str, bytes: &[u8]) -> io::Resu
     write_over(folder, name, bytes, Flush::Nothing)
 }
 
+/// Writes files of these names atomically into a folder, each as [`write_whole_or_not`] does. They are flushed at the same time:
+/// a file system writes the flushes that wait for it together.
+///
+/// # Errors
+/// When the folder cannot be written to or the disk is full; each older file is then unchanged, or replaced by its new one.
+#[cfg(feature = "station")]
+pub(crate) fn write_all_or_not(folder: &Path, files: &[(String, &[u8])]) -> io::Result<()> {
+    let new = files.iter().map(|(_, bytes)| written(folder, bytes, Flush::Nothing));
+    let new: Vec<_> = new.collect::<io::Result<_>>()?;
+    flush_together(&new)?;
+    for (file, (name, _)) in new.into_iter().zip(files) {
+        keep(file, folder, name, Flush::Content)?;
+    }
+    Ok(())
+}
+
+/// Flushes temporary files at the same time, each in a thread; those for which there is no thread one after the other.
+#[cfg(feature = "station")]
+fn flush_together(files: &[tempfile::NamedTempFile]) -> io::Result<()> {
+    let Some((last, others)) = files.split_last() else { return Ok(()) };
+    std::thread::scope(|scope| {
+        let mut begun = Vec::new();
+        for file in others.iter().map(tempfile::NamedTempFile::as_file) {
+            begun.push((file, std::thread::Builder::new().spawn_scoped(scope, || file.sync_all())));
+        }
+        let mut result = last.as_file().sync_all();
+        for (file, thread) in begun {
+            let flushed = match thread {
+                Ok(thread) => thread.join().unwrap_or_else(|_| Err(ErrorKind::Other.into())),
+                Err(_) => file.sync_all(),
+            };
+            result = result.and(flushed);
+        }
+        result
+    })
+}
+
 fn write_over(folder: &Path, name: &str, bytes: &[u8], flush: Flush) -> io::Result<()> {
     keep(written(folder, bytes, flush)?, folder, name, flush)
 }

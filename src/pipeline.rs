@@ -402,7 +402,9 @@ impl Pipeline {
             steps.at(Step::Preview);
             let title = format!("{sku} · {} · {}", input.name, map_report.method());
             let distortions = (before.as_ref(), &after);
+            let limit = settings.correction.tolerance;
             let shown = preview::Shown {
+                part_outline: learned.recent.outline(limit, || preview::relief(surface, limit)),
                 residual_under_ink: exposure.max_difference,
                 anchor: placing.place,
                 part_size: seen_size(&part.facts, &settings.part),

@@ -133,7 +133,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
     ("std::time", &["files", "converter", "config", "pipeline", "hotfolder", "fleet", "cli"]),
     // In the command line, only for the line that shows progress.
-    ("std::thread", &["converter", "hotfolder", "fleet", "cli"]),
+    ("std::thread", &["files", "converter", "hotfolder", "fleet", "cli"]),
     // In the hot folder, only for the process ID in the lock file; in the fleet, for the name of a run; in the converter, for FreeCAD.
     ("std::process", &["converter", "hotfolder", "fleet", "cli", "main"]),
     // In the hot folder and the fleet, only for the password of the page and of the database; in the converter, to find FreeCAD.

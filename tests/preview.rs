@@ -133,7 +133,7 @@ impl Part {
         ];
         Preview {
             title: title.into(),
-            part_outline: self.picture(),
+            part_outline: self.picture().into(),
             before,
             after,
             field: Some(Extents::of([[-55.0, -55.0].into(), [55.0, 55.0].into()])),
@@ -183,7 +183,7 @@ fn a_preview_without_part_or_lines_is_still_valid() {
     let nothing = written("nothing", &Preview::default());
     assert!(nothing.contains("nothing drawn") && nothing.ends_with("</svg>\n"));
     let mut unmeasured = BALL.preview("<&\">'");
-    unmeasured.part_outline = HeightPicture::default();
+    unmeasured.part_outline = HeightPicture::default().into();
     unmeasured.before[0].stretch = vec![f64::NAN; 400];
     unmeasured.before[1].points[0] = [f64::INFINITY, 0.0];
     unmeasured.field = Some(Extents::EMPTY);
@@ -213,8 +213,9 @@ fn places_with_a_large_residual_are_shown_and_explained() {
     let middle = picture.rows / 2 * picture.columns + picture.columns / 2;
     picture.residual_limit = 0.02;
     picture.residuals = vec![0.001; picture.heights.len()];
-    let drawn =
-        |picture: &HeightPicture| svg(&Preview { part_outline: picture.clone(), ..Preview::default() });
+    let drawn = |picture: &HeightPicture| {
+        svg(&Preview { part_outline: picture.clone().into(), ..Preview::default() })
+    };
     let legend = "residual of the surface &gt; 0.02 mm";
     assert!(!drawn(&picture).contains(legend));
     for residual in [0.021, -0.021] {

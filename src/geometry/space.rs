@@ -151,6 +151,11 @@ impl Extents {
         Self { min: self.min - step, max: self.max + step }
     }
 
+    /// The smallest rectangle round it whose sides are at multiples of `step` mm.
+    pub fn outwards_to(&self, step: f64) -> Self {
+        Self { min: (self.min / step).map(f64::floor) * step, max: (self.max / step).map(f64::ceil) * step }
+    }
+
     /// The rectangle with its sides multiplied by `factor` about its centre.
     pub fn scaled(&self, factor: f64) -> Self {
         let half = self.size() * (factor / 2.0);

@@ -19,6 +19,7 @@ mod threads;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
@@ -286,6 +287,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             if ends {
                 self.exchange_jobs(true);
+                self.executor.others_wait.store(false, Ordering::Relaxed);
+                self.continue_paused();
             }
             pulse(Pulse::Alive);
             if self.threads.are_idle() && (ends || (self.mode == Mode::Once && self.is_idle())) {

@@ -46,6 +46,7 @@
 //! | a job ends with | and its drop |
 //! |---|---|
 //! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Unchanged`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::HandedOver`, `Outcome::Rejected` | is done |
+//! | `Outcome::PicturesDue` | stays at work without a thread: the drawing is delivered, and pictures are drawn when no other drop can start |
 //! | `Outcome::Changed` | is checked again as a new file |
 //! | `Outcome::Incomplete` | is `Block::Free` and settles again |
 //! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large jobs |
@@ -71,8 +72,15 @@
 //! | at | the disk holds |
 //! |---|---|
 //! | `Stage::Renaming` | the drawing, checked and flushed in the import folder, under a temporary name or already under its final name |
-//! | `Stage::Delivered` | the drawing in the import folder, unless an importer took it; the original in the hot folder |
-//! | `Stage::Filing` | the original in the hot folder, in the archive, or in both; the report is written |
+//! | `Stage::Delivered` | the drawing in the import folder, unless an importer took it; the original in the hot folder; perhaps the report, without its pictures |
+//! | `Stage::Filing` | the original in the hot folder, in the archive, or in both; report and pictures are written |
+//!
+//! # Pictures
+//!
+//! While drops wait for a thread, a job delivers its drawing, writes the report, removes the pictures of an older drawing of that
+//! name, and pauses. It is continued when no other drop can start, at the latest after half a minute, and before the station ends;
+//! the number of paused jobs and the size of their drawings are limited. On the disk, a paused job is one that was interrupted at
+//! `Stage::Delivered`: after a crash, its drawing is made again for report and pictures, and not delivered again.
 //!
 //! # A list of products
 //!

@@ -1,9 +1,15 @@
 //! A drawing that was placed and mapped, as the pictures need it.
 
+use std::sync::Arc;
+
+use nalgebra::Point3;
+
 use crate::config::Sku;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::Pattern;
+use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::space::{Extents, FlatPoint};
+use crate::preview::PartSource;
 
 /// A placed drawing and its map. The picture on the part is made from it, after the drawing was delivered.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,4 +45,15 @@ impl Marked {
         let corners = self.ink.paths.iter().flat_map(|path| path.shape.flattened(1.0));
         Extents::of(corners.flat_map(|at| [at.coords(), self.map.point(at).coords()]))
     }
+}
+
+/// A part as it is under all drawings of one area.
+#[derive(Debug)]
+pub(super) struct DrawnPart {
+    pub(super) source: PartSource,
+    pub(super) mesh: Arc<PictureMesh>,
+    pub(super) is_thinned: bool,
+    pub(super) rims: Arc<Vec<Vec<Point3<f64>>>>,
+    /// Whether it is drawn from all that can be known of the part: its mesh may still arrive from another station.
+    pub(super) is_final: bool,
 }

@@ -1,16 +1,19 @@
 //! The mark on the part: from a corrected drawing to the picture in three dimensions.
 
+use std::sync::Arc;
+
 use nalgebra::{Point3, Vector2, Vector3};
 
 use super::landmarks::view_of;
-use super::marked::Marked;
+use super::marked::{DrawnPart, Marked};
 use super::preview::{lifted, piece};
 use super::{LearnedPart, Pipeline, program};
+use crate::config::Sku;
 use crate::geometry::ink_mesh::FlatMesh;
 use crate::geometry::pattern::{Pattern, Segment, Shape};
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::rims::rims;
-use crate::geometry::space::{FlatPoint, View, ViewPoint};
+use crate::geometry::space::{Extents, FlatPoint, View, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 use crate::preview::{INK_LIFT, InkMesh, LIFT, OnPart, PartSource, PreviewPath};
 
@@ -22,8 +25,10 @@ const MAX_INK_POINTS: usize = 60_000;
 const MAX_INK_VERTICES: usize = 15_000;
 /// Largest number of vertices that are added to the part under the drawing.
 const MAX_ADDED: usize = 10_000;
-/// Distance round the drawing in which the part follows the surface, mm.
+/// Distance round the drawing in which the part follows the surface at least, mm.
 const MARGIN: f64 = 1.0;
+/// The sides of this area are at multiples of this, mm: drawings of almost the same size have the same part.
+const AREA_STEP: f64 = 5.0;
 /// Length of the line that shows a dot, mm: a line needs two points.
 const DOT: f64 = 0.1;
 
@@ -38,8 +43,8 @@ impl Pipeline {
     fn drawn_on_part(&self, learned: &LearnedPart, marked: &Marked) -> OnPart {
         let surface = &learned.kept.surface;
         let view = view_of(&learned.settings);
-        let (part_source, part) = self.part_for_picture(learned, marked, &view);
-        let is_part_thinned = part.triangles().len() < part.source_triangles();
+        let area = marked.area().grown(MARGIN).outwards_to(AREA_STEP);
+        let part = learned.recent.part(&area, || self.drawn_part(learned, &marked.sku, &view, &area));
         let height = |at: ViewPoint| surface.nurbs.height(at) + surface.difference(at);
         let landing = |flat: FlatPoint| {
             let at = marked.map.point(flat);
@@ -52,8 +57,6 @@ impl Pipeline {
         };
         let mut mark = lines(&marked.ink, marked, &view, landing, raise);
         mark.extend(lines(&marked.fill, marked, &view, landing, raise));
-        let area = marked.area().grown(MARGIN);
-        let part = part.following(&view, &area, &|at| surface.sampled_height(at), MAX_ADDED);
         let plain = |flat: FlatPoint| {
             let at = ViewPoint::from(flat.coords());
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
@@ -61,15 +64,14 @@ impl Pipeline {
         // A drawing that goes round is wider than the part.
         let drawn =
             if marked.is_round { Vec::new() } else { lines(&marked.ink, marked, &view, plain, raise) };
-        let in_part = |ring: Vec<Point3<f64>>| ring.into_iter().map(|point| view.part_point(point)).collect();
         OnPart {
             sku: marked.sku.to_string(),
             drawing: marked.drawing.clone(),
             program: program(),
             part_file: learned.kept.origin.file.clone(),
-            part,
-            part_source,
-            is_part_thinned,
+            part: part.mesh.clone(),
+            part_source: part.source,
+            is_part_thinned: part.is_thinned,
             view,
             drawn,
             mark,
@@ -78,22 +80,28 @@ impl Pipeline {
                 let (positions, triangles) = flat.draped(&image, MAX_INK_VERTICES);
                 InkMesh { positions, triangles }
             }),
-            rims: rims(&surface.field, MAX_RIM_POINTS).into_iter().map(in_part).collect(),
+            rims: part.rims.clone(),
             drawn_range: marked.drawn_range,
             mark_range: Some(marked.mark_range),
         }
     }
 
-    fn part_for_picture(
-        &self,
-        learned: &LearnedPart,
-        marked: &Marked,
-        view: &View,
-    ) -> (PartSource, PictureMesh) {
+    fn drawn_part(&self, learned: &LearnedPart, sku: &Sku, view: &View, area: &Extents) -> DrawnPart {
+        let surface = &learned.kept.surface;
+        let (source, mesh) = self.part_for_picture(learned, sku, view);
+        let is_thinned = mesh.triangles().len() < mesh.source_triangles();
+        let mesh = mesh.following(view, area, &|at| surface.sampled_height(at), MAX_ADDED);
+        let in_part = |ring: Vec<Point3<f64>>| ring.into_iter().map(|point| view.part_point(point)).collect();
+        let rims = rims(&surface.field, MAX_RIM_POINTS).into_iter().map(in_part).collect();
+        let is_final = source != PartSource::Heights || learned.kept.facts.scan.is_some();
+        DrawnPart { source, mesh: Arc::new(mesh), is_thinned, rims: Arc::new(rims), is_final }
+    }
+
+    fn part_for_picture(&self, learned: &LearnedPart, sku: &Sku, view: &View) -> (PartSource, PictureMesh) {
         if let Some(primitive) = &learned.settings.primitive {
             return (PartSource::Sizes, PictureMesh::of_primitive(primitive));
         }
-        let kept = || self.cache.as_ref()?.picture_mesh(&marked.sku, &learned.key);
+        let kept = || self.cache.as_ref()?.picture_mesh(sku, &learned.key);
         match learned.mesh.clone().or_else(kept) {
             Some(mesh) => (PartSource::File, mesh),
             None => {

@@ -1,5 +1,7 @@
 //! The preview of a job: the part, the drawing before and after the correction, and the stretch of every line.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix2, Point3, Vector2};
 
 use super::fill::Filled;
@@ -23,6 +25,8 @@ pub(super) fn piece(length: f64) -> f64 {
 
 /// What a preview shows besides part and lines.
 pub(super) struct Shown {
+    /// The part behind the lines.
+    pub(super) part_outline: Arc<HeightPicture>,
     /// Largest distance between the part and the surface under the ink, mm.
     pub(super) residual_under_ink: f64,
     /// The drawing's anchor, about which the mark is unrolled.
@@ -42,7 +46,7 @@ pub(super) fn preview(
     surface: &FittedSurface,
     settings: &JobSettings,
     (before, after): (Option<&Distortion>, &Distortion),
-    Shown { residual_under_ink, anchor, part_size, heights, tiles }: Shown,
+    Shown { part_outline, residual_under_ink, anchor, part_size, heights, tiles }: Shown,
 ) -> Preview {
     let piece = piece(after.length);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
@@ -86,7 +90,7 @@ pub(super) fn preview(
     let marked = lines(&|at| map.point(at));
     Preview {
         title,
-        part_outline: relief(surface, settings.correction.tolerance),
+        part_outline,
         before: lines(&plain),
         unrolled: unrolled(placed, (map, surface), piece, anchor, after.max_stretch, &marked),
         after: marked,
@@ -196,14 +200,14 @@ pub(super) fn before_range(
 
 /// The part's heights, and the residuals of the fit, of which those above `limit` mm are shown: at edges, which no
 /// smooth surface follows.
-fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
+pub(super) fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
     let field = &surface.field;
     let (columns, rows) = field.size();
     let height = |node: &Node| match node {
         Node::Empty => None,
         Node::Wall(height) | Node::Surface(height) => Some(*height),
     };
-    HeightPicture {
+    let all = HeightPicture {
         origin: field.origin().into(),
         step: field.step(),
         columns,
@@ -211,7 +215,8 @@ fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
         heights: field.nodes().iter().map(height).collect(),
         residuals: surface.differences().to_vec(),
         residual_limit: limit,
-    }
+    };
+    all.thinned().into_owned()
 }
 
 fn on_part(at: ViewPoint, surface: &FittedSurface) -> Point3<f64> {

@@ -4,18 +4,19 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::mapped_ink::MappedInk;
-use super::marked::Marked;
+use super::marked::{DrawnPart, Marked};
 use crate::config::JobSettings;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::pattern::Pattern;
-use crate::geometry::space::FlatPoint;
-use crate::preview::OnPart;
+use crate::geometry::space::{Extents, FlatPoint};
+use crate::preview::{HeightPicture, OnPart};
 
 /// Drawings that are remembered for one surface.
 const MOST: usize = 4;
-/// Pictures that are remembered for one surface: each has a mesh of the part.
+/// Pictures that are remembered for one surface, and areas of drawings on it: each has a mesh of the part.
 const MOST_PICTURES: usize = 1;
+const MOST_AREAS: usize = 2;
 /// Larger drawings are not remembered: number of segments, or pieces and squares of their ink.
 const LARGEST: usize = 4_000;
 const LARGEST_INK: usize = 40_000;
@@ -26,6 +27,8 @@ pub(crate) struct RecentDrawings {
     maps: Recent<(Drawing, LengthTrueMap)>,
     inks: Recent<Arc<MappedInk>>,
     pictures: Recent<(Marked, OnPart)>,
+    parts: Recent<(Extents, Arc<DrawnPart>)>,
+    outlines: Recent<Arc<HeightPicture>>,
 }
 
 /// What a map follows from on a surface.
@@ -98,6 +101,29 @@ impl RecentDrawings {
             self.pictures.keep((marked.clone(), picture.clone()), MOST_PICTURES);
         }
         picture
+    }
+
+    /// The part under the drawings of an area: the remembered one, or the one that is drawn by `draw`.
+    pub(super) fn part(&self, area: &Extents, draw: impl FnOnce() -> DrawnPart) -> Arc<DrawnPart> {
+        self.parts.find(|(of, part)| (of == area).then(|| part.clone())).unwrap_or_else(|| {
+            let part = Arc::new(draw());
+            if part.is_final {
+                self.parts.keep((*area, part.clone()), MOST_AREAS);
+            }
+            part
+        })
+    }
+
+    /// The surface behind the lines of a preview that shows residuals above `limit` mm: the remembered one, or the one that is
+    /// drawn by `draw`.
+    pub(super) fn outline(&self, limit: f64, draw: impl FnOnce() -> HeightPicture) -> Arc<HeightPicture> {
+        self.outlines.find(|known| (known.residual_limit == limit).then(|| known.clone())).unwrap_or_else(
+            || {
+                let outline = Arc::new(draw());
+                self.outlines.keep(outline.clone(), 1);
+                outline
+            },
+        )
     }
 }
 

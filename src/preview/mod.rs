@@ -24,6 +24,8 @@ mod on_part;
 mod sides;
 mod tiles;
 
+use std::sync::Arc;
+
 use crate::geometry::space::Extents;
 
 pub use draw::{svg, svg_on};
@@ -40,7 +42,7 @@ pub struct Preview {
     /// Heading, such as `mouse · date.dxf · isometric`.
     pub title: String,
     /// The part as the laser sees it.
-    pub part_outline: HeightPicture,
+    pub part_outline: Arc<HeightPicture>,
     /// The lines without a correction.
     pub before: Vec<PreviewPath>,
     /// The corrected lines, with the remaining stretch.

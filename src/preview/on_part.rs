@@ -1,5 +1,7 @@
 //! The mark on the part in three dimensions, as a glTF scene for browsers, CAD and rendering programs.
 
+use std::sync::Arc;
+
 use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 
@@ -39,7 +41,7 @@ pub struct OnPart {
     /// The part's file name, or its sizes as text.
     pub part_file: String,
     /// The part.
-    pub part: PictureMesh,
+    pub part: Arc<PictureMesh>,
     /// What the part's mesh was made from.
     pub part_source: PartSource,
     /// Whether the mesh has fewer triangles than the part, except under the drawing.
@@ -53,7 +55,7 @@ pub struct OnPart {
     /// The filled regions of the corrected drawing; `None` if they are too many to be shown.
     pub ink: Option<InkMesh>,
     /// The borders of the surface that the laser sees: closed lines.
-    pub rims: Vec<Vec<Point3<f64>>>,
+    pub rims: Arc<Vec<Vec<Point3<f64>>>>,
     /// Smallest and largest measured stretch of the lines without a correction, if any line is on the part.
     pub drawn_range: Option<[f64; 2]>,
     /// Smallest and largest measured stretch of the corrected lines.

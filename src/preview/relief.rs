@@ -3,6 +3,8 @@
 //! Bands are nested polygons, each painted over the darker one before it, so that there are no seams and the file stays
 //! small. They are computed by marching squares (Lorensen and Cline, SIGGRAPH 1987, in two dimensions).
 
+use std::borrow::Cow;
+
 use super::HeightPicture;
 use super::page::{PathData, number};
 use crate::geometry::space::Extents;
@@ -35,7 +37,7 @@ impl Backdrop {
 
     /// Draws one of the parts of a picture, as the element of this name.
     pub(super) fn named(part: &HeightPicture, name: &str) -> Self {
-        let relief = relief(part);
+        let relief = relief(&part.thinned());
         let definitions = relief.as_ref().map(|relief| relief.definitions(name)).unwrap_or_default();
         Self { relief, definitions }
     }
@@ -88,6 +90,42 @@ struct Grid {
     columns: usize,
     rows: usize,
     values: Vec<Option<f64>>,
+}
+
+impl HeightPicture {
+    /// The same with at most [`MAX_NODES`] nodes along each side, which show as much. Each residual is the largest of the nodes
+    /// it replaces.
+    #[must_use]
+    pub fn thinned(&self) -> Cow<'_, Self> {
+        let stride = self.columns.max(self.rows).div_ceil(MAX_NODES);
+        if stride <= 1 {
+            return Cow::Borrowed(self);
+        }
+        let row_from = |row: usize, column: usize| {
+            (column..(column + stride).min(self.columns)).map(move |column| row * self.columns + column)
+        };
+        let kept = || {
+            let rows = (0..self.rows).step_by(stride);
+            rows.flat_map(|row| (0..self.columns).step_by(stride).map(move |column| (column, row)))
+        };
+        let height = |(column, row)| self.heights.get(row * self.columns + column).copied().flatten();
+        let residual = |(column, row): (usize, usize)| {
+            let nodes = (row..(row + stride).min(self.rows)).flat_map(|row| row_from(row, column));
+            nodes.filter_map(|node| self.residuals.get(node)).map(|residual| residual.abs()).reduce(f64::max)
+        };
+        Cow::Owned(Self {
+            origin: self.origin,
+            step: self.step * stride as f64,
+            columns: self.columns.div_ceil(stride),
+            rows: self.rows.div_ceil(stride),
+            heights: kept().map(height).collect(),
+            residuals: match self.residuals.is_empty() {
+                true => Vec::new(),
+                false => kept().map(|node| residual(node).unwrap_or(f64::NAN)).collect(),
+            },
+            residual_limit: self.residual_limit,
+        })
+    }
 }
 
 /// The relief of a part; `None` if the picture contains no surface.
@@ -171,46 +209,35 @@ impl Relief {
 }
 
 impl Grid {
-    /// The picture's heights, thinned to [`MAX_NODES`] nodes along each side, with an empty border.
+    /// The picture's heights, with an empty border.
     fn of(part: &HeightPicture) -> Option<Self> {
         let height =
             |node: usize| part.heights.get(node).copied().flatten().filter(|height| height.is_finite());
-        let grid = Self::thinned(part, |column, row, _| height(row * part.columns + column))?;
+        let grid = Self::bordered(part, height)?;
         grid.values.iter().any(Option::is_some).then_some(grid)
     }
 
-    /// The absolute residuals of the picture at the same nodes; each is the largest of the nodes it replaces.
+    /// The absolute residuals of the picture at the same nodes.
     fn of_residuals(part: &HeightPicture) -> Option<Self> {
-        let size = |node: usize| part.residuals.get(node).map(|residual| residual.abs());
-        Self::thinned(part, |column, row, stride| {
-            let rows = row..(row + stride).min(part.rows);
-            let nodes = rows.flat_map(|row| {
-                (column..(column + stride).min(part.columns)).map(move |column| row * part.columns + column)
-            });
-            nodes.filter_map(size).reduce(f64::max)
-        })
+        Self::bordered(part, |node| part.residuals.get(node).map(|residual| residual.abs()))
     }
 
-    /// A value for every `stride`th column and row of the picture, and an empty border.
-    fn thinned(part: &HeightPicture, value: impl Fn(usize, usize, usize) -> Option<f64>) -> Option<Self> {
+    /// A value for each node of the picture, and an empty border.
+    fn bordered(part: &HeightPicture, value: impl Fn(usize) -> Option<f64>) -> Option<Self> {
         let is_placed = part.origin.iter().all(|start| start.is_finite()) && part.step.is_finite();
-        if part.columns < 2 || part.rows < 2 || !is_placed || part.step <= 0.0 {
+        if part.columns == 0 || part.rows == 0 || !is_placed || part.step <= 0.0 {
             return None;
         }
-        let stride = part.columns.max(part.rows).div_ceil(MAX_NODES);
         let border = APRON + 1;
-        let columns = (part.columns - 1) / stride + 1 + 2 * border;
-        let rows = (part.rows - 1) / stride + 1 + 2 * border;
+        let (columns, rows) = (part.columns + 2 * border, part.rows + 2 * border);
         let mut values = vec![None; columns * rows];
-        for row in (0..part.rows).step_by(stride) {
-            for column in (0..part.columns).step_by(stride) {
-                let at = (row / stride + border) * columns + column / stride + border;
-                values[at] = value(column, row, stride);
+        for row in 0..part.rows {
+            for column in 0..part.columns {
+                values[(row + border) * columns + column + border] = value(row * part.columns + column);
             }
         }
-        let step = part.step * stride as f64;
-        let origin = part.origin.map(|start| start - border as f64 * step);
-        Some(Self { origin, step, columns, rows, values })
+        let origin = part.origin.map(|start| start - border as f64 * part.step);
+        Some(Self { origin, step: part.step, columns, rows, values })
     }
 
     fn at(&self, column: usize, row: usize) -> Option<f64> {
@@ -448,7 +475,7 @@ mod tests {
 
     #[test]
     fn a_fine_grid_does_not_make_the_relief_larger() {
-        let relief = relief(&dome(30.0, 0.05)).unwrap();
+        let relief = Backdrop::of(&dome(30.0, 0.05)).relief.unwrap();
         assert!((relief.extents.size().x - 60.0).abs() < 1.0);
         assert!(relief.definitions(PART).len() < 150_000, "{}", relief.definitions(PART).len());
     }

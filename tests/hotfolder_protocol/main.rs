@@ -25,6 +25,7 @@ use isomark::reason::{Place, Reason};
 mod held_open;
 #[path = "../schemas/mod.rs"]
 mod schemas;
+mod pictures;
 mod side_by_side;
 mod uncertain;
 
@@ -45,6 +46,8 @@ struct Seen {
     holding: AtomicUsize,
     /// The corrected patterns, in their order.
     corrected: Mutex<Vec<String>>,
+    /// For each page that was drawn, in their order, how many patterns had been corrected.
+    drawn: Mutex<Vec<usize>>,
     /// The learned parts, in their order.
     learned: Mutex<Vec<String>>,
     /// The files that the learned parts need, in the order of the parts.
@@ -148,12 +151,18 @@ impl Corrector for StandIn {
         let expected = drawing.replace("garbled", "clear");
         self.seen.corrected.lock().unwrap().push(pattern.name.clone());
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
+        let (seen, page) = (self.seen.clone(), format!("<!DOCTYPE html>{drawing}"));
+        let draw_page = move || {
+            let corrected = seen.corrected.lock().unwrap().len();
+            seen.drawn.lock().unwrap().push(corrected);
+            page.into_bytes()
+        };
         Ok(Delivery {
             report: report.into(),
             pictures: vec![
                 (PictureKind::Preview, Box::new(|| b"<svg/>".to_vec())),
                 (PictureKind::OnPart, Box::new(|| b"glTF".to_vec())),
-                (PictureKind::Page, Box::new(|| b"<!DOCTYPE html>".to_vec())),
+                (PictureKind::Page, Box::new(draw_page)),
             ],
             size: None,
             summary: "good".into(),

@@ -436,6 +436,47 @@ fn a_station_stops_cleanly_on_signals() {
     }
 }
 
+/// A burst is delivered first; a kill before its pictures are drawn costs neither a picture nor a second delivery.
+#[test]
+fn pictures_that_waited_when_the_station_was_killed_are_drawn_after_the_next_start() {
+    const DRAWINGS: usize = 40;
+    let mut station = Station::new();
+    let names: Vec<String> = (0..DRAWINGS).map(|number| format!("can@{number}.dxf")).collect();
+    for name in &names {
+        station.copy_into(&drawing("abc"), name);
+    }
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    let filed = |station: &Station| {
+        let archived = files(&station.path("archive/can"));
+        archived.iter().filter(|name| name.ends_with(".dxf")).count()
+    };
+    station.start();
+    station.waits_for("drawings whose pictures wait", |station| {
+        // The archive is looked at first, so the difference is not larger than it looks.
+        let filed = filed(station);
+        station.import().iter().filter(|name| names.contains(name)).count() >= filed + 5
+    });
+    station.kill();
+    let delivered = |name: &String| {
+        let written = fs::metadata(station.path("import").join(name)).and_then(|file| file.modified());
+        written.ok().map(|time| (name.clone(), time))
+    };
+    let before: Vec<_> = names.iter().filter_map(delivered).collect();
+    assert!(before.len() >= filed(&station) + 5, "{before:?}");
+    station.start();
+    station.waits_for_empty_hot();
+    assert_eq!(filed(&station), DRAWINGS);
+    for (name, time) in before {
+        let now = fs::metadata(station.path("import").join(&name)).unwrap().modified().unwrap();
+        assert_eq!(now, time, "{name} was delivered again");
+    }
+    for name in names {
+        for ending in ["report.json", "report.html", "preview.svg", "on-part.glb", "frame.dxf"] {
+            station.waits_for_file(&format!("reports/can/{name}.{ending}"));
+        }
+    }
+}
+
 #[test]
 fn nothing_is_lost_or_incomplete_when_a_station_is_killed() {
     const DRAWINGS: [&str; 6] = ["abc", "square", "circle", "ez-logo-mm", "grid", "ez-qr-hatch"];

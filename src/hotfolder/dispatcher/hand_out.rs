@@ -1,6 +1,7 @@
 //! Chooses the next job: jobs with the same result in their order, and large jobs never on all threads.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 use super::Dispatcher;
 use super::lanes::{LARGE, is_large};
@@ -24,6 +25,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let now = self.now();
         self.lanes.refresh(&self.drops, &self.threads, now, &self.times());
         while self.threads.have_room(self.now()) {
+            let now = self.now();
+            if self.threads.is_overdue(now) {
+                self.threads.resume(now);
+                continue;
+            }
             let Some(path) = self.lanes.next(&self.drops, &self.threads) else { break };
             self.begin(&path);
         }
@@ -38,6 +44,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let Some((again, takes_long)) = next else { break };
             self.correct_again(again, takes_long, large_too);
         }
+        self.continue_paused();
+        let others_wait = !self.lanes.are_empty() && self.threads.may_pause();
+        self.executor.others_wait.store(others_wait, Ordering::Relaxed);
+    }
+
+    /// Gives the jobs that pause to the threads that are free.
+    pub(super) fn continue_paused(&mut self) {
+        while self.threads.have_room(self.now()) && self.threads.resume(self.now()) {}
     }
 
     /// Starts the job of a drop that is ready, or records what the drop waits for.
@@ -122,6 +136,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             settling: self.drops.settling_beside(path, self.now(), &self.times()),
             waits_for_import: attempt.waits_for_import,
             unfiled: self.unfiled.remove(path),
+            read: None,
             sidecar: self.drops.sidecar_beside(path),
         };
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &task.work {

@@ -61,7 +61,7 @@ impl Lanes {
         let (behind, before) = (Excluded(&self.last), Included(&self.last));
         let in_turn = self.lanes.range((behind, Unbounded)).chain(self.lanes.range((Unbounded, before)));
         for (sku, lane) in in_turn {
-            let jobs = sku.as_ref().map_or(0, |sku| threads.jobs_of(sku).count());
+            let jobs = sku.as_ref().map_or(0, |sku| threads.count_of(sku));
             if next.as_ref().is_some_and(|(fewest, ..)| *fewest <= jobs) {
                 continue;
             }

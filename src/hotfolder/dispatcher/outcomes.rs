@@ -27,6 +27,9 @@ const MAX_UNFILED_BYTES: usize = 64 << 20;
 impl<C: Corrector> Dispatcher<'_, C> {
     /// Handles the end of a job.
     pub(super) fn finished(&mut self, path: &Path, outcome: Outcome, went_along: &[PathBuf]) {
+        if let Outcome::PicturesDue(task) = outcome {
+            return self.threads.pause(*task, self.now());
+        }
         let Some(running) = self.threads.finished(path) else { return };
         self.lanes.survived(&running.drop);
         went_along.iter().for_each(|companion| self.look_again(companion));
@@ -69,6 +72,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.status.finished(&running.drop, &running.work, result);
                 self.drawing_is_done(path, &running, went_along);
             }
+            // It pauses, see above.
+            Outcome::PicturesDue(_) => {}
             Outcome::Unchanged => {
                 self.tally.unchanged += 1;
                 self.status.finished(&running.drop, &running.work, FinishedAs::Delivered);
@@ -208,6 +213,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             Outcome::TakesLong => self.reprocessing.takes_long(name),
             Outcome::Learned { .. }
+            | Outcome::PicturesDue(_)
             | Outcome::Listed
             | Outcome::HandedOver
             | Outcome::Changed

@@ -1,6 +1,6 @@
 //! The threads that do the jobs, and the job of each.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Mutex, PoisonError};
@@ -15,6 +15,12 @@ use crate::hotfolder::state::{DropId, UnderWay};
 
 /// A job that takes this long is treated as a large one.
 const LONG: Duration = Duration::from_secs(2);
+/// A job whose pictures have waited for this long is continued before other drops.
+const LONGEST_PAUSE: Duration = Duration::from_secs(30);
+/// The largest number of jobs that pause: each keeps its original, its map and its lines in memory.
+const MAX_PAUSED: usize = 1_000;
+/// The largest size of their drawings, bytes; a job keeps about ten times as much.
+const MAX_PAUSED_BYTES: usize = 16 << 20;
 
 /// The loop of a thread: does jobs until the channel is closed.
 pub(super) fn work<C: Corrector>(
@@ -36,16 +42,22 @@ pub(super) fn work<C: Corrector>(
     }
 }
 
-/// All threads.
+/// All threads, and the jobs that pause.
 pub(super) struct Threads {
     tasks: SyncSender<Task>,
     /// To as many spare threads, for small jobs while other jobs unexpectedly take long.
     spare_tasks: SyncSender<Task>,
     pub(super) count: usize,
     running: BTreeMap<PathBuf, Running>,
+    /// The jobs that pause before they draw pictures.
+    paused: BTreeMap<PathBuf, Running>,
+    /// The same in their order, with the moment when each began to pause.
+    queue: VecDeque<(Moment, Task)>,
+    /// Size of their drawings, bytes.
+    paused_bytes: usize,
 }
 
-/// A job that a thread is doing.
+/// A job that a thread is doing, or that pauses.
 pub(super) struct Running {
     pub(super) drop: DropId,
     pub(super) work: Work,
@@ -62,28 +74,41 @@ pub(super) struct Running {
     pub(super) was_delivered: bool,
     /// A spare thread does it.
     is_spare: bool,
+    /// The folded name of the drawing that it makes.
+    result: Option<String>,
 }
 
 impl Threads {
     pub(super) fn new(tasks: SyncSender<Task>, spare_tasks: SyncSender<Task>, count: usize) -> Self {
-        Self { tasks, spare_tasks, count, running: BTreeMap::new() }
+        let (running, paused) = (BTreeMap::new(), BTreeMap::new());
+        Self { tasks, spare_tasks, count, running, paused, queue: VecDeque::new(), paused_bytes: 0 }
     }
 
     pub(super) fn are_idle(&self) -> bool {
-        self.running.is_empty()
+        self.running.is_empty() && self.paused.is_empty()
+    }
+
+    /// The jobs in threads, and those that pause.
+    fn all(&self) -> impl Iterator<Item = &Running> {
+        self.running.values().chain(self.paused.values())
     }
 
     pub(super) fn is_at(&self, path: &Path) -> bool {
-        self.running.contains_key(path)
+        self.running.contains_key(path) || self.paused.contains_key(path)
     }
 
     pub(super) fn are_at(&self, drop: &DropId) -> bool {
-        self.running.values().any(|running| running.drop == *drop)
+        self.all().any(|running| running.drop == *drop)
     }
 
     /// The jobs of a SKU.
     pub(super) fn jobs_of<'t>(&'t self, sku: &'t Sku) -> impl Iterator<Item = &'t Running> {
-        self.running.values().filter(move |running| running.sku() == Some(sku))
+        self.all().filter(move |running| running.sku() == Some(sku))
+    }
+
+    /// How many threads do jobs of a SKU.
+    pub(super) fn count_of(&self, sku: &Sku) -> usize {
+        self.running.values().filter(|running| running.sku() == Some(sku)).count()
     }
 
     /// Whether a job fits a part of the SKU.
@@ -94,7 +119,7 @@ impl Threads {
     /// Whether the result with this folded name may be made now: no job fits a part of the SKU, and no job makes the
     /// same result.
     pub(super) fn may_make(&self, sku: &Sku, result: &str) -> bool {
-        self.jobs_of(sku).all(|running| running.work.result().is_some_and(|made| fold(&made) != result))
+        self.jobs_of(sku).all(|running| running.result.as_ref().is_some_and(|made| made != result))
     }
 
     pub(super) fn are_busy_with(&self, sku: &Sku) -> bool {
@@ -134,6 +159,35 @@ impl Threads {
         }
     }
 
+    /// Keeps a job that pauses.
+    pub(super) fn pause(&mut self, task: Task, now: Moment) {
+        if let Some(running) = self.running.remove(&task.path) {
+            self.paused_bytes += bytes_of_drawing(&task);
+            self.paused.insert(task.path.clone(), running);
+            self.queue.push_back((now, task));
+        }
+    }
+
+    /// Whether one more job may pause.
+    pub(super) fn may_pause(&self) -> bool {
+        self.queue.len() < MAX_PAUSED && self.paused_bytes < MAX_PAUSED_BYTES
+    }
+
+    /// Whether a job has paused for so long that it is continued before other drops.
+    pub(super) fn is_overdue(&self, now: Moment) -> bool {
+        self.queue.front().is_some_and(|(since, _)| now.saturating_sub(*since) >= LONGEST_PAUSE)
+    }
+
+    /// Continues the job that has paused for the longest time; returns whether there is one.
+    pub(super) fn resume(&mut self, now: Moment) -> bool {
+        let Some((_, task)) = self.queue.pop_front() else { return false };
+        self.paused_bytes = self.paused_bytes.saturating_sub(bytes_of_drawing(&task));
+        if let Some(running) = self.paused.remove(&task.path) {
+            self.begin(task, Running { since: now, ..running });
+        }
+        true
+    }
+
     /// The job on this drop is over.
     pub(super) fn finished(&mut self, path: &Path) -> Option<Running> {
         self.running.remove(path)
@@ -154,10 +208,16 @@ impl Running {
             settings_changes: 0,
             was_delivered: task.unfiled.is_some(),
             is_spare: false,
+            result: task.work.result().map(|made| fold(&made)),
         }
     }
 
     pub(super) fn sku(&self) -> Option<&Sku> {
         self.work.sku()
     }
+}
+
+/// Size of the drawing whose pictures are due, bytes.
+fn bytes_of_drawing(task: &Task) -> usize {
+    task.unfiled.as_ref().map_or(0, |unfiled| unfiled.drawn_from)
 }

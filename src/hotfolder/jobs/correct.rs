@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::Read;
 use super::delivery::{self, How};
 use super::finish::{Ready, is_missing_for_server};
-use super::intake::Read;
 use super::resume::{Inputs, Original, Resume};
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, filing, recovery};
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold, near, nearest_first};
@@ -56,15 +56,18 @@ impl<C: Corrector> Executor<'_, C> {
             unfiled.stamp == task.stamp && (unfiled.asked || !is_missing_for_server(&task.station, name))
         };
         if let Some(unfiled) = unfiled.filter(is_valid) {
-            let read = &*slot.insert(self.read(task, Some(pattern))?);
-            return self.finish(&Ready { task, sku, pattern, name, read }, unfiled);
+            let read = match slot {
+                Some(read) => &*read,
+                None => &*slot.insert(self.read(task, Some(pattern))?),
+            };
+            return self.complete(&Ready { task, sku, pattern, name, read }, unfiled);
         }
         self.expect_surface(task, sku, name)?;
         let read = &*slot.insert(self.read(task, Some(pattern))?);
         let mut drawing = self.prepare(Ready { task, sku, pattern, name, read }, started)?;
         let before = match self.resume(&drawing)? {
             Some(before) if !before.report => {
-                return self.finish(&drawing.ready, before.without_report(task));
+                return self.complete(&drawing.ready, before.without_report(task));
             }
             before => before,
         };
@@ -90,8 +93,11 @@ impl<C: Corrector> Executor<'_, C> {
         let unfiled = drawing.unfiled(how, made, before.map(|before| before.import));
         // BeamServer may have imported it only now.
         let is_unchanged = how == How::Unchanged && task.station.delivery.kind == DeliveryKind::Folder;
-        Ok(match self.finish(&drawing.ready, unfiled)? {
-            Outcome::Delivered if is_unchanged => Outcome::Unchanged,
+        if !is_unchanged {
+            return self.finish(&drawing.ready, unfiled);
+        }
+        Ok(match self.complete(&drawing.ready, unfiled)? {
+            Outcome::Delivered => Outcome::Unchanged,
             outcome => outcome,
         })
     }
@@ -278,6 +284,7 @@ impl Before {
             job: self.result,
             certainty: self.certainty,
             delivery: Delivery::default(),
+            drawn_from: 0,
             pictures: Vec::new(),
             import: self.import,
             asked: false,
@@ -328,9 +335,10 @@ impl Correction<'_> {
         }
     }
 
-    /// Draws the pictures, and returns the remaining steps. `import` is the state that an interrupted job left.
+    /// The remaining steps. `import` is the state that an interrupted job left.
     fn unfiled(&self, how: How, mut made: Delivery, import: Option<Import>) -> Unfiled {
-        let Ready { task, name, .. } = self.ready;
+        let task = self.ready.task;
+        let drawn_from = made.drawing.len();
         (made.drawing, made.check) = (Vec::new(), None);
         let import = match (import, &self.last) {
             (Some(import), _) => import,
@@ -338,15 +346,16 @@ impl Correction<'_> {
             _ if task.station.delivery.kind == DeliveryKind::Folder => Import::ByFolder,
             _ => Import::Due,
         };
-        let drawn = std::mem::take(&mut made.pictures).into_iter().filter_map(|(kind, draw)| {
-            let trouble = |error: JobError| {
-                tracing::warn!("{name} has no {}: {}", kind.ending(), error.into_reason().what);
-            };
-            guarded(|| Ok(draw())).map_err(trouble).ok().map(|picture| (kind, picture))
-        });
-        let pictures = drawn.collect();
-        let (job, certainty) = (self.result.clone(), how.certainty());
-        Unfiled { stamp: task.stamp, job, certainty, delivery: made, pictures, import, asked: false }
+        Unfiled {
+            stamp: task.stamp,
+            job: self.result.clone(),
+            certainty: how.certainty(),
+            delivery: made,
+            drawn_from,
+            pictures: Vec::new(),
+            import,
+            asked: false,
+        }
     }
 }
 

@@ -3,18 +3,22 @@
 //! ```text
 //! read ─▶ correct ─▶ write, read back ─▶ journal: delivering ─▶ rename into import/ ─▶ journal: delivered
 //!                                                                                           │
-//!                      journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ report, pictures
+//!                      journal: done ◀─ move original to archive/ ◀─ journal: filing ◀─ pictures ◀─ report
 //! ```
+//!
+//! While other drops wait for a thread, a job pauses before the pictures ([`Outcome::PicturesDue`]).
 //!
 //! If the program ends between two steps, the drop and the journal together show how far the job got, and the next
 //! start continues from there.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use super::intake::{self, Intake, Read};
+use super::Read;
+use super::intake::{self, Intake};
 use super::restoring::Restoring;
 use super::{EarlyEnd, End, Outcome, Task, Work, filing};
 use crate::config::{JobSettings, Sku};
@@ -34,6 +38,8 @@ pub(crate) struct Executor<'a, C> {
     pub(super) restoring: Restoring,
     /// Archived parts that cannot be fitted with these settings.
     pub(super) unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
+    /// Whether pictures are drawn later, because drops wait for a thread.
+    pub(crate) others_wait: AtomicBool,
     pub(super) beamserver: beamserver::Gate,
     pub(crate) shares: Shares,
     pub(crate) parking: Parking,
@@ -49,6 +55,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             overtaken: Mutex::default(),
             restoring: Restoring::default(),
             unfit_archive: Mutex::default(),
+            others_wait: AtomicBool::new(false),
             beamserver: beamserver::Gate::new(stop),
             shares,
             parking: Parking::default(),
@@ -90,7 +97,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
 
     fn attempt(&self, mut task: Task) -> End {
         let unfiled = task.unfiled.take();
-        let mut read = None;
+        let mut read = task.read.take();
         if let Err(JobError::Retry(reason)) = self.shares.are_there(&task.station.folders, false) {
             return End { outcome: Outcome::Retry(reason, unfiled.map(Box::new)), went_along: Vec::new() };
         }
@@ -121,6 +128,10 @@ impl<'a, C: Corrector> Executor<'a, C> {
         };
         let outcome = match ended {
             Ok(outcome) | Err(EarlyEnd::Outcome(outcome)) => outcome,
+            Err(EarlyEnd::PicturesDue(unfiled)) => {
+                (task.unfiled, task.read) = (Some(*unfiled), read.take());
+                Outcome::PicturesDue(Box::new(task))
+            }
             Err(EarlyEnd::Error(JobError::Stop(reason))) => Outcome::Stop(reason),
             Err(EarlyEnd::Error(JobError::TakesLong)) => Outcome::TakesLong,
             Err(EarlyEnd::Error(JobError::Retry(reason) | JobError::Rejected(reason))) => {

@@ -22,7 +22,9 @@ use std::path::{Path, PathBuf};
 use fs_err as fs;
 
 use crate::config::{FolderPaths, Sku, Station, fold};
-use crate::files::{read_if_there, sync_folder, write_new, write_whole, write_whole_or_not};
+use crate::files::{
+    read_if_there, sync_folder, write_all_or_not, write_new, write_whole, write_whole_or_not,
+};
 use crate::formats::pattern::{is_drawing, names_with_stem};
 use crate::hotfolder::seen::folders::{content_hash, copy_new, free_place, has_content, look, move_new};
 use crate::hotfolder::seen::names::{CURRENT_PART, SIDECAR};
@@ -134,6 +136,20 @@ pub(crate) fn write_report(
     let folder = folders.reports.join(sku.key());
     fs::create_dir_all(&folder)?;
     write_whole_or_not(&folder, &format!("{name}.{ending}"), bytes)
+}
+
+/// Writes several such files at once.
+pub(crate) fn write_reports(
+    folders: &FolderPaths,
+    sku: &Sku,
+    name: &str,
+    files: &[(&str, &[u8])],
+) -> io::Result<()> {
+    let folder = folders.reports.join(sku.key());
+    fs::create_dir_all(&folder)?;
+    let named: Vec<(String, &[u8])> =
+        files.iter().map(|(ending, bytes)| (format!("{name}.{ending}"), *bytes)).collect();
+    write_all_or_not(&folder, &named)
 }
 
 /// The place of an original in the SKU's archive folder; the folder is created.

@@ -1,11 +1,13 @@
 //! The end of a job: the marking software, report and pictures, and moving the original out of the hot folder.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
+use super::Read;
 use super::filing::{Beside, Content, Original};
-use super::intake::Read;
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, Work, delivery, filing, recovery};
 use crate::config::{DeliveryKind, Sku, Station};
+use crate::formats::Pace;
 use crate::hotfolder::api::{Corrector, JobError};
 use crate::hotfolder::beamserver;
 use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
@@ -27,19 +29,45 @@ pub(crate) struct Ready<'a> {
 }
 
 impl<C: Corrector> Executor<'_, C> {
-    /// Does the steps after a delivery: the marking software, the report, the pictures, and filing the original.
+    /// Does the steps after a delivery: the marking software, the report, the pictures, and filing the original. While other
+    /// drops wait, it ends before the pictures with [`EarlyEnd::PicturesDue`].
     pub(crate) fn finish(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
-        match self.finish_steps(ready, &mut unfiled) {
+        if !self.may_wait(ready.task, &unfiled) {
+            return self.complete(ready, unfiled);
+        }
+        // Nobody may see the pictures of an older drawing beside the new report.
+        for (kind, _) in &unfiled.delivery.pictures {
+            let folders = &ready.task.station.folders;
+            delivery::remove_quietly(&filing::report_path(folders, ready.sku, ready.pattern, kind.ending()));
+        }
+        if let Err(error) = write_reports(ready, &mut unfiled) {
+            return retried(error, unfiled);
+        }
+        Err(EarlyEnd::PicturesDue(Box::new(unfiled)))
+    }
+
+    /// Does all steps after a delivery that are not done yet.
+    pub(crate) fn complete(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
+        match self.remaining_steps(ready, &mut unfiled) {
             Ok(()) => Ok(match unfiled.certainty {
                 Certainty::Certain => Outcome::Delivered,
                 Certainty::Uncertain => Outcome::Uncertain,
             }),
-            Err(JobError::Retry(reason)) => Ok(Outcome::Retry(reason, Some(Box::new(unfiled)))),
-            Err(error) => Err(error.into()),
+            Err(error) => retried(error, unfiled),
         }
     }
 
-    fn finish_steps(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
+    /// Whether the pictures are drawn later. After an interruption, the journal and the original in the hot folder show that
+    /// they are missing; an original in the archive would not, and BeamServer would import the drawing a second time.
+    fn may_wait(&self, task: &Task, unfiled: &Unfiled) -> bool {
+        matches!(task.work, Work::Correct { .. })
+            && task.station.delivery.kind == DeliveryKind::Folder
+            && task.pace == Pace::Quick
+            && !unfiled.delivery.pictures.is_empty()
+            && self.others_wait.load(Ordering::Relaxed)
+    }
+
+    fn remaining_steps(&self, ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
         let Task { station, .. } = ready.task;
         if station.delivery.kind == DeliveryKind::Beamserver && !unfiled.asked {
             let imported = self.import(station, ready.name, unfiled);
@@ -51,14 +79,8 @@ impl<C: Corrector> Executor<'_, C> {
             tracing::info!("{} {outcome}", ready.name);
             (unfiled.import, unfiled.asked) = (Import::Done, true);
         }
-        let (folders, sku, name) = (&station.folders, ready.sku, ready.pattern);
-        if !unfiled.delivery.report.is_empty() {
-            let report = &unfiled.delivery.report;
-            filing::write_report(folders, sku, name, filing::REPORT, report).map_err(folder_trouble)?;
-        }
-        for (kind, picture) in &unfiled.pictures {
-            filing::write_report(folders, sku, name, kind.ending(), picture).map_err(folder_trouble)?;
-        }
+        unfiled.draw();
+        write_reports(ready, unfiled)?;
         self.file_original(ready, &unfiled.job, unfiled.import, unfiled.certainty)
     }
 
@@ -201,6 +223,26 @@ impl<C: Corrector> Executor<'_, C> {
             reason.on_one_line()
         );
         Ok(Outcome::Rejected(reason))
+    }
+}
+
+/// Writes the report, unless it is written, and the pictures that are drawn.
+fn write_reports(ready: &Ready, unfiled: &mut Unfiled) -> Result<(), JobError> {
+    let report =
+        [(filing::REPORT, &*unfiled.delivery.report)].into_iter().filter(|(_, report)| !report.is_empty());
+    let pictures = unfiled.pictures.iter().map(|(kind, picture)| (kind.ending(), &**picture));
+    let files: Vec<(&str, &[u8])> = report.chain(pictures).collect();
+    let folders = &ready.task.station.folders;
+    filing::write_reports(folders, ready.sku, ready.pattern, &files).map_err(folder_trouble)?;
+    unfiled.delivery.report.clear();
+    Ok(())
+}
+
+/// The outcome of a job that could not do a step after the delivery.
+fn retried(error: JobError, unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
+    match error {
+        JobError::Retry(reason) => Ok(Outcome::Retry(reason, Some(Box::new(unfiled)))),
+        error => Err(error.into()),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::intake::Read;
+use super::Read;
 use super::{EarlyEnd, Executor, Outcome, Task};
 use crate::config::Sku;
 use crate::hotfolder::api::{Corrector, JobError};

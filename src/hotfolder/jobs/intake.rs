@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::filing::{Beside, Content, Original};
-use super::{EarlyEnd, Outcome};
+use super::filing::Beside;
+use super::{EarlyEnd, Outcome, Read};
 use crate::files::is_plain;
 use crate::formats::pattern::is_picture;
 use crate::hotfolder::api::{Companion, Completeness, DroppedFile, JobError};
@@ -14,27 +14,6 @@ use crate::reason::Reason;
 
 /// The largest sidecar that is accepted, bytes.
 const LARGEST_SIDECAR: u64 = 1 << 20;
-
-/// A drop as it was read.
-pub(crate) struct Read {
-    pub(crate) file: DroppedFile,
-    pub(crate) stamp: Stamp,
-    /// Files beside it that are filed with it.
-    pub(crate) companions: Vec<Beside>,
-    /// Optional files that it names and that are missing.
-    pub(crate) absent: Vec<PathBuf>,
-    /// A pattern's own settings: the file and its text.
-    pub(crate) sidecar: Option<(PathBuf, String)>,
-    /// The list of products of a pattern: its name and its bytes.
-    pub(crate) list: Option<(String, Vec<u8>)>,
-}
-
-impl Read {
-    pub(crate) fn original<'a>(&'a self, path: &'a Path) -> Original<'a> {
-        let content = Content::Read(&self.file.bytes, self.stamp);
-        Original { path, content, companions: &self.companions }
-    }
-}
 
 /// A drop to be read.
 pub(crate) struct Intake<'a> {

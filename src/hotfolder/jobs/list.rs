@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
+use super::Read;
 use super::filing::{self, LIST_REPORT};
-use super::intake::Read;
 use super::{EarlyEnd, Executor, Outcome, Task};
 use crate::config::{JobSettings, Sku, with_row};
 use crate::files::{TEMPORARY_END, TEMPORARY_START, sync_folder, write_flushed, write_whole_or_not};

@@ -22,4 +22,4 @@ pub(crate) use basis::is_comparable;
 pub(crate) use executor::Executor;
 pub(crate) use outdated::{Recorrection, Reprocessing};
 pub(crate) use retention::Keeper;
-pub(crate) use task::{EarlyEnd, End, Outcome, Task, Unfiled, Work};
+pub(crate) use task::{EarlyEnd, End, Outcome, Read, Task, Unfiled, Work};

@@ -1,11 +1,13 @@
 //! The input and the possible outcomes of a job.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use super::filing::{Beside, Content, Original};
 use crate::config::{JobSettings, Sku, Station};
 use crate::formats::Pace;
-use crate::hotfolder::api::{Delivery, JobError, PictureKind};
+use crate::hotfolder::api::{Delivery, DroppedFile, JobError, PictureKind};
+use crate::hotfolder::error::guarded;
 use crate::hotfolder::seen::{Gap, Stamp, delivered_as, folders, list_of, sidecar_of};
 use crate::hotfolder::state::{Certainty, DropId, Import, Job};
 use crate::reason::Reason;
@@ -36,6 +38,8 @@ pub(crate) struct Task {
     pub(crate) waits_for_import: bool,
     /// The result that is delivered, but whose report or original could not be filed.
     pub(crate) unfiled: Option<Unfiled>,
+    /// What was read before the job paused.
+    pub(crate) read: Option<Read>,
     /// The settings that were seen beside the drop.
     pub(crate) sidecar: Option<PathBuf>,
 }
@@ -61,6 +65,27 @@ impl Task {
             }
             Work::CorrectAgain { .. } | Work::Learn(_) | Work::Reject(_) => None,
         }
+    }
+}
+
+/// A drop as it was read.
+pub(crate) struct Read {
+    pub(crate) file: DroppedFile,
+    pub(crate) stamp: Stamp,
+    /// Files beside it that are filed with it.
+    pub(crate) companions: Vec<Beside>,
+    /// Optional files that it names and that are missing.
+    pub(crate) absent: Vec<PathBuf>,
+    /// A pattern's own settings: the file and its text.
+    pub(crate) sidecar: Option<(PathBuf, String)>,
+    /// The list of products of a pattern: its name and its bytes.
+    pub(crate) list: Option<(String, Vec<u8>)>,
+}
+
+impl Read {
+    pub(crate) fn original<'a>(&'a self, path: &'a Path) -> Original<'a> {
+        let content = Content::Read(&self.file.bytes, self.stamp);
+        Original { path, content, companions: &self.companions }
     }
 }
 
@@ -100,7 +125,10 @@ pub(crate) struct Unfiled {
     pub(crate) stamp: Stamp,
     pub(crate) job: Job,
     pub(crate) certainty: Certainty,
+    /// Its report until that is written, and its pictures until they are drawn.
     pub(crate) delivery: Delivery,
+    /// Size of the drawing that its pictures show, bytes.
+    pub(crate) drawn_from: usize,
     /// The pictures that could be drawn.
     pub(crate) pictures: Vec<(PictureKind, Vec<u8>)>,
     pub(crate) import: Import,
@@ -109,6 +137,19 @@ pub(crate) struct Unfiled {
 }
 
 impl Unfiled {
+    /// Draws the pictures.
+    pub(crate) fn draw(&mut self) {
+        for (kind, draw) in std::mem::take(&mut self.delivery.pictures) {
+            match guarded(|| Ok(draw())) {
+                Ok(picture) => self.pictures.push((kind, picture)),
+                Err(error) => {
+                    let (name, ending) = (&self.job.name, kind.ending());
+                    tracing::warn!("{name} has no {ending}: {}", error.into_reason().what);
+                }
+            }
+        }
+    }
+
     /// Size of the report and the pictures, bytes.
     pub(crate) fn bytes(&self) -> usize {
         self.delivery.report.len() + self.pictures.iter().map(|(_, picture)| picture.len()).sum::<usize>()
@@ -128,6 +169,8 @@ pub(crate) enum Outcome {
     Learned { absent: Vec<PathBuf>, place: PathBuf },
     /// A drawing was delivered.
     Delivered,
+    /// A drawing was delivered and its report is written; its pictures and its original are due when no other drop waits.
+    PicturesDue(Box<Task>),
     /// The drawing was delivered before and is unchanged in the import folder; its original was filed.
     Unchanged,
     /// A drawing was filed, but may not have been delivered.
@@ -164,6 +207,8 @@ pub(crate) enum Outcome {
 pub(crate) enum EarlyEnd {
     Error(JobError),
     Outcome(Outcome),
+    /// The job pauses before it draws pictures.
+    PicturesDue(Box<Unfiled>),
 }
 
 impl From<JobError> for EarlyEnd {
