@@ -72,8 +72,7 @@ fn shafts_with_a_hole_or_a_boss_are_recognised_as_cylinders() {
     let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/parts/shaded");
     for (name, radius) in [("occ-shaft-hole.stl", 22.4), ("occ-shaft-boss.stl", 25.2)] {
         let bytes = std::fs::read(folder.join(name)).unwrap();
-        let reading =
-            mesh::read(&bytes, MeshFormat::Stl, &MeshOptions::default(), &BTreeMap::new()).unwrap();
+        let reading = mesh::read(&bytes, MeshFormat::Stl, &MeshOptions::default(), &BTreeMap::new()).unwrap();
         let facing = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
         let surface = FittedSurface::of_part(&facing, &FitOptions::default()).unwrap();
         // Between the hole, or the boss, and the other end.

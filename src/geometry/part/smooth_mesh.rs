@@ -9,6 +9,7 @@ mod ends;
 mod hidden_arcs;
 mod joining;
 mod long_sides;
+mod plane_facets;
 mod scatter;
 mod sections;
 mod settling;

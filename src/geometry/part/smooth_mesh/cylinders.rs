@@ -11,8 +11,9 @@ use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::SmoothMesh;
 use super::ends::{Straight, Surroundings, precision};
+use super::plane_facets::PlaneFacets;
 use super::settling::Settling;
-use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
+use crate::geometry::adjacency::{NONE, facet_normal};
 use crate::geometry::cylinder::Cylinder;
 use crate::geometry::shape_fit::{self, cross_directions};
 
@@ -116,9 +117,9 @@ pub(super) fn settle(
 
 /// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges, and whether it is hollow.
 fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>, bool)> {
-    let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
-    let near = precision(mesh);
-    let search = Search { mesh, around, near, is_on_chord: on_chords(mesh, near) };
+    let surroundings = Surroundings::of(mesh);
+    let is_on_chord = surroundings.facets.only_one(mesh);
+    let search = Search { mesh, facets: &surroundings.facets, near: surroundings.near, is_on_chord };
     let is_open =
         |triangle: &usize| mesh.triangles[*triangle].iter().any(|&vertex| estimated[vertex as usize]);
     let bulges = (0..mesh.triangles.len()).filter(is_open).map(|triangle| (triangle, mesh.bulge(triangle)));
@@ -136,7 +137,6 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
         }
         let Some(group) = search.group_at(triangle, &is_known) else { continue };
         group.triangles.iter().for_each(|&triangle| is_tried[triangle] = true);
-        let surroundings = Surroundings { mesh, around: &search.around, near: search.near };
         let on_mesh = OnMesh { mesh, group: &group };
         if search.turns_enough(&group) && surroundings.confirm(&on_mesh) {
             group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
@@ -145,32 +145,6 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
         }
     }
     groups
-}
-
-/// For each vertex of a mesh, whether all facets at it are in one plane: where a hole is cut into a mesh, its vertices are on the
-/// facets, and not on the part from which these were cut. Vertices may be off by `near`, mm.
-fn on_chords(mesh: &SmoothMesh, near: f64) -> Vec<bool> {
-    let mut largest = vec![(0.0, 0); mesh.positions.len()];
-    for (triangle, corners) in mesh.triangles.iter().enumerate() {
-        let [a, b, c] = mesh.corners(triangle).0;
-        let area = (b - a).cross(&(c - a)).norm();
-        for &vertex in corners {
-            let largest = &mut largest[vertex as usize];
-            if area > largest.0 {
-                *largest = (area, triangle);
-            }
-        }
-    }
-    let mut is_on_chord = vec![true; mesh.positions.len()];
-    for (triangle, corners) in mesh.triangles.iter().enumerate() {
-        for &vertex in corners {
-            let normal = facet_normal(mesh.corners(largest[vertex as usize].1).0);
-            let at = mesh.positions[vertex as usize];
-            let is_in_plane = |point: &Point3<f64>| (point - at).dot(&normal).abs() <= near;
-            is_on_chord[vertex as usize] &= mesh.corners(triangle).0.iter().all(is_in_plane);
-        }
-    }
-    is_on_chord
 }
 
 impl SmoothMesh {
@@ -216,7 +190,7 @@ impl Straight for OnMesh<'_> {
 
 struct Search<'a> {
     mesh: &'a SmoothMesh,
-    around: Neighbours,
+    facets: &'a PlaneFacets,
     /// Vertices on a cylinder are this close to it, mm.
     near: f64,
     /// For each vertex, whether it may be on the chords of a cylinder.
@@ -314,7 +288,8 @@ impl Search<'_> {
         Some(fitted(shape_fit::MAX_STEPS, &points, close)).filter(|found| is_within(found, self.near))
     }
 
-    /// The triangles on a cylinder that can be reached from one of them.
+    /// The triangles on a cylinder that can be reached from one of them, with all others of their plane facets: a narrow part of a
+    /// flat side may have its vertices on the cylinder, too.
     fn grown(&self, group: &Group, from: usize, is_known: &[bool]) -> Vec<usize> {
         let mut found = vec![from];
         let mut is_found = BTreeSet::from([from]);
@@ -328,7 +303,8 @@ impl Search<'_> {
                     continue;
                 }
                 let there = other as usize / 3;
-                if is_found.contains(&there) || is_known[there] || !self.is_on(group, there) {
+                let is_on = || self.facets.with(there).all(|triangle| self.is_on(group, triangle));
+                if is_found.contains(&there) || is_known[there] || !is_on() {
                     continue;
                 }
                 is_found.insert(there);
@@ -669,6 +645,35 @@ mod tests {
             let across = Vector3::new(at.x, at.y, 0.0);
             assert!((across.norm() - 20.0).abs() < 1e-6, "{at}");
             assert!((normal - across.normalize()).norm() < 1e-6, "{at}: {normal:?}");
+        }
+    }
+
+    #[test]
+    fn a_sliver_of_a_flat_side_beside_a_fillet_stays_flat() {
+        // Programs with polygons for circles let a flat side run into a fillet by one of its facets.
+        const STEP: f64 = 0.1;
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for step in 0..=15 {
+            let angle = (f64::from(step) + 0.5) * STEP;
+            let [x, z] = [3.0 * angle.sin(), 3.0 * angle.cos()];
+            positions.extend([Point3::new(x, 0.0, z), Point3::new(x, 50.0, z)]);
+        }
+        for step in 0..15 {
+            let [a, b, c, d] = [2 * step, 2 * step + 2, 2 * step + 3, 2 * step + 1];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        let edge = positions[0];
+        let beside = positions.len() as u32;
+        positions.extend(
+            [(-40.0, 0.0), (-40.0, 50.0), (edge.x - 1e-3, 0.0)].map(|(x, y)| Point3::new(x, y, edge.z)),
+        );
+        triangles.extend([[beside + 2, 0, 1], [beside, beside + 2, 1], [beside, 1, beside + 1]]);
+        let bar = smooth(positions, triangles);
+        for triangle in 0..bar.triangles.len() {
+            let (corners, normals) = bar.corners(triangle);
+            if corners.iter().all(|at| (at.z - edge.z).abs() < 1e-9) {
+                assert!(normals.iter().all(|normal| normal.z.abs() > 1.0 - 1e-6), "{corners:?}: {normals:?}");
+            }
         }
     }
 }

@@ -6,6 +6,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
+use super::plane_facets::PlaneFacets;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, width};
 
 /// Vertices on a surface are this close to it, mm, or …
@@ -112,13 +113,20 @@ impl End {
 
 /// The facets of a mesh round those of a surface.
 pub(super) struct Surroundings<'a> {
-    pub(super) mesh: &'a SmoothMesh,
-    pub(super) around: &'a Neighbours,
+    mesh: &'a SmoothMesh,
+    around: Neighbours,
+    pub(super) facets: PlaneFacets,
     /// Vertices on a surface are this close to it, mm.
     pub(super) near: f64,
 }
 
-impl Surroundings<'_> {
+impl<'a> Surroundings<'a> {
+    pub(super) fn of(mesh: &'a SmoothMesh) -> Self {
+        let near = precision(mesh);
+        let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
+        Self { mesh, around, facets: PlaneFacets::of(mesh, near), near }
+    }
+
     /// Whether nothing beyond the ends of a surface contradicts it.
     pub(super) fn confirm(&self, surface: &impl Straight) -> bool {
         let ends = self.ends(surface.triangles());
@@ -176,8 +184,10 @@ impl Surroundings<'_> {
         let bulge = surface.largest_bulge();
         let is_edge = |&(side, beyond): &(usize, usize)| {
             let corners = self.mesh.corners(beyond / 3).0;
+            let [from, to] = self.mesh.ends(side);
             let lean = facet_normal(corners).cross(&surface.outward(side)).norm();
-            lean > STRAIGHT && width(corners, beyond % 3) * lean / 4.0 > FARTHER * bulge
+            lean > STRAIGHT
+                && self.facets.reach(self.mesh, beyond / 3, [from, to]) * lean / 4.0 > FARTHER * bulge
         };
         let edges = self.ends(surface.triangles()).into_iter().filter(is_edge);
         let mut vertices: Vec<u32> = edges

@@ -470,13 +470,13 @@ fn meet_within(one: [Point3<f64>; 3], other: [Point3<f64>; 3], angle: f64) -> bo
 }
 
 /// Sets that are joined two at a time (Galler & Fischer, An improved equivalence algorithm, CACM 7(5), 1964).
-struct DisjointSets {
+pub(super) struct DisjointSets {
     parents: Vec<u32>,
 }
 
 impl DisjointSets {
     /// `count` sets of one element each.
-    fn new(count: usize) -> Self {
+    pub(super) fn new(count: usize) -> Self {
         Self { parents: (0..count as u32).collect() }
     }
 
@@ -491,13 +491,13 @@ impl DisjointSets {
     }
 
     /// Joins the sets of two elements; the smaller root stays, so that numbers do not depend on the order.
-    fn join(&mut self, one: usize, two: usize) {
+    pub(super) fn join(&mut self, one: usize, two: usize) {
         let (one, two) = (self.root(one), self.root(two));
         self.parents[one.max(two)] = one.min(two) as u32;
     }
 
     /// For each element the number of its set, from 0 in the order of first appearance, and how many sets there are.
-    fn numbered(mut self) -> (Vec<u32>, usize) {
+    pub(super) fn numbered(mut self) -> (Vec<u32>, usize) {
         let mut numbers = vec![0; self.parents.len()];
         let mut count = 0;
         for element in 0..self.parents.len() {

@@ -84,7 +84,7 @@ fn certain_strips(
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
         return Vec::new();
     }
-    let mut around = None;
+    let mut surroundings = None;
     let mut search = Search { mesh, near: precision(mesh), visits: MOST_VISITS };
     let mut is_seen = vec![false; count];
     let mut strips = Vec::new();
@@ -99,8 +99,7 @@ fn certain_strips(
         }
         let Some((axis, triangles)) = found else { continue };
         triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
-        let around = around.get_or_insert_with(|| Neighbours::of(&mesh.triangles, mesh.positions.len()));
-        let surroundings = Surroundings { mesh, around, near: search.near };
+        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh));
         // By itself already.
         if surroundings.ends(&triangles).is_empty() {
             continue;
