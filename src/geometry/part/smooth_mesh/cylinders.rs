@@ -13,7 +13,7 @@ use super::SmoothMesh;
 use super::ends::{Straight, Surroundings, precision};
 use super::plane_facets::PlaneFacets;
 use super::settling::Settling;
-use crate::geometry::adjacency::{NONE, facet_normal};
+use crate::geometry::adjacency::{NONE, facet_normal, sliver_side};
 use crate::geometry::cylinder::Cylinder;
 use crate::geometry::shape_fit::{self, cross_directions};
 
@@ -36,6 +36,8 @@ const ESTIMATED: f64 = 0.8;
 /// the square of the last one; most strips of other surfaces are dropped here.
 const FIRST_STEPS: usize = 3;
 const CLOSE: f64 = 10.0;
+/// The facets beside those of which a cylinder is fitted are on it within so many times what vertices may be off.
+const NEARLY: f64 = 4.0;
 /// Triangles from the first one on, on either side of it, on which a cylinder is looked for: where a fillet is narrower than the
 /// first number, the second.
 const REACHES: [usize; 2] = [4, 2];
@@ -213,17 +215,16 @@ impl Search<'_> {
         });
         starts.find_map(|mut group| {
             for _ in 0..ROUNDS {
-                let found = self.grown(&group, triangle, is_known);
-                if found.len() <= group.triangles.len() {
+                let mut triangles = self.grown(&group, triangle, is_known);
+                let points = self.some_points(&triangles, Some(&group.cylinder));
+                let cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
+                let next = Group { cylinder, most: group.most, triangles: Vec::new() };
+                triangles.retain(|&triangle| self.is_on(&next, triangle, self.near));
+                if triangles.len() <= group.triangles.len() {
                     break;
                 }
-                group.triangles = found;
-                let points = self.some_points(&group.triangles, Some(&group.cylinder));
-                group.cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
+                group = Group { triangles, ..next };
             }
-            let found = std::mem::take(&mut group.triangles);
-            let is_on = |triangle: &usize| self.is_on(&group, *triangle);
-            group.triangles = found.into_iter().filter(is_on).collect();
             (group.triangles.len() >= REACHES[1]).then_some(group)
         })
     }
@@ -303,7 +304,9 @@ impl Search<'_> {
                     continue;
                 }
                 let there = other as usize / 3;
-                let is_on = || self.facets.with(there).all(|triangle| self.is_on(group, triangle));
+                let is_on = || {
+                    self.facets.with(there).all(|triangle| self.is_on(group, triangle, NEARLY * self.near))
+                };
                 if is_found.contains(&there) || is_known[there] || !is_on() {
                     continue;
                 }
@@ -314,16 +317,16 @@ impl Search<'_> {
         found
     }
 
-    fn is_on(&self, Group { cylinder, most, .. }: &Group, triangle: usize) -> bool {
+    fn is_on(&self, Group { cylinder, most, .. }: &Group, triangle: usize, near: f64) -> bool {
         let corners = self.mesh.corners(triangle).0;
         let is_on = |(&vertex, point): (&u32, Point3<f64>)| {
             let distance = cylinder.distance(&point);
-            let below = if self.is_on_chord[vertex as usize] { *most } else { self.near };
-            -below <= distance && distance <= self.near
+            let below = if self.is_on_chord[vertex as usize] { *most } else { near };
+            -below <= distance && distance <= near
         };
         self.mesh.triangles[triangle].iter().zip(corners).all(is_on)
             && bulge_on(self.mesh, cylinder, triangle) <= *most
-            && facet_normal(corners).dot(&cylinder.axis).abs() < LEAN
+            && (facet_normal(corners).dot(&cylinder.axis).abs() < LEAN || sliver_side(corners).is_some())
     }
 
     /// The different vertices of some triangles without those on chords, evenly chosen if there are many. Those that are on the
@@ -671,7 +674,8 @@ mod tests {
         let bar = smooth(positions, triangles);
         for triangle in 0..bar.triangles.len() {
             let (corners, normals) = bar.corners(triangle);
-            if corners.iter().all(|at| (at.z - edge.z).abs() < 1e-9) {
+            let is_sliver = corners.iter().all(|at| at.x > 0.0);
+            if !is_sliver && corners.iter().all(|at| (at.z - edge.z).abs() < 1e-9) {
                 assert!(normals.iter().all(|normal| normal.z.abs() > 1.0 - 1e-6), "{corners:?}: {normals:?}");
             }
         }

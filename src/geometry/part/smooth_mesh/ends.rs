@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::plane_facets::PlaneFacets;
-use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, width};
+use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side, width};
 
 /// Vertices on a surface are this close to it, mm, or …
 const ON: f64 = 1e-4;
@@ -145,7 +145,7 @@ impl<'a> Surroundings<'a> {
             let apex = self.mesh.triangles[beyond / 3][(beyond % 3 + 2) % 3];
             let place = |vertex: u32| self.beyond(surface, rims, side, vertex);
             let Some(first) = place(apex) else {
-                if facet_normal(corners).dot(&axis).abs() < STRAIGHT {
+                if facet_normal(corners).dot(&axis).abs() < STRAIGHT || sliver_side(corners).is_some() {
                     continue;
                 }
                 return false;

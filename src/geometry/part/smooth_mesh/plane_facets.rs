@@ -4,7 +4,7 @@ use nalgebra::Point3;
 
 use super::SmoothMesh;
 use super::joining::DisjointSets;
-use crate::geometry::adjacency::{NONE, facet_normal};
+use crate::geometry::adjacency::{NONE, facet_normal, sliver_side, width};
 
 /// Which triangles are of one plane facet.
 pub(super) struct PlaneFacets {
@@ -33,7 +33,9 @@ impl PlaneFacets {
             }
             let corners = mesh.corners(here).0;
             let far = mesh.corners(there).0[(other as usize % 3 + 2) % 3];
-            if (far - corners[0]).dot(&facet_normal(corners)).abs() <= near {
+            // How far a plane is off beyond the triangle that defines it.
+            let reach = width(mesh.corners(there).0, other as usize % 3) / width(corners, side % 3);
+            if (far - corners[0]).dot(&facet_normal(corners)).abs() <= near * (1.0 + reach) {
                 sets.join(here, there);
             }
         }
@@ -57,11 +59,14 @@ impl PlaneFacets {
     }
 
     /// For each vertex of the mesh, whether it is a vertex of one facet only: where a hole is cut into a mesh, its vertices are on the
-    /// facets, and not on the part from which these were cut.
+    /// facets, and not on the part from which these were cut. A sliver has no plane.
     pub(super) fn only_one(&self, mesh: &SmoothMesh) -> Vec<bool> {
         let mut first = vec![None; mesh.positions.len()];
         let mut is_of_one = vec![true; mesh.positions.len()];
-        for (corners, facet) in mesh.triangles.iter().zip(&self.of_triangle) {
+        for (triangle, (corners, facet)) in mesh.triangles.iter().zip(&self.of_triangle).enumerate() {
+            if sliver_side(mesh.corners(triangle).0).is_some() {
+                continue;
+            }
             for &vertex in corners {
                 is_of_one[vertex as usize] &= first[vertex as usize].get_or_insert(facet) == &facet;
             }
