@@ -119,16 +119,20 @@ pub(super) fn settle(
 
 /// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges, and whether it is hollow.
 fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>, bool)> {
-    let surroundings = Surroundings::of(mesh);
-    let is_on_chord = surroundings.facets.only_one(mesh);
-    let search = Search { mesh, facets: &surroundings.facets, near: surroundings.near, is_on_chord };
+    let near = precision(mesh);
     let is_open =
         |triangle: &usize| mesh.triangles[*triangle].iter().any(|&vertex| estimated[vertex as usize]);
     let bulges = (0..mesh.triangles.len()).filter(is_open).map(|triangle| (triangle, mesh.bulge(triangle)));
     let mut seeds: Vec<(usize, f64)> =
-        bulges.filter(|&(triangle, bulge)| bulge >= ESTIMATED * search.least_bulge(triangle)).collect();
+        bulges.filter(|&(triangle, bulge)| bulge >= ESTIMATED * mesh.least_bulge(triangle, near)).collect();
+    if seeds.is_empty() {
+        return Vec::new();
+    }
     // Facets that leave a cylinder less far belong to the group of those that leave it farther, as the narrow ones round a hole.
     seeds.sort_by(|(_, one), (_, other)| other.total_cmp(one));
+    let surroundings = Surroundings::of(mesh);
+    let is_on_chord = surroundings.facets.only_one(mesh);
+    let search = Search { mesh, facets: &surroundings.facets, near, is_on_chord };
     // Facets of which a group is certain, and those that were in any group.
     let mut is_known = vec![false; mesh.triangles.len()];
     let mut is_tried = is_known.clone();
@@ -150,6 +154,19 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
 }
 
 impl SmoothMesh {
+    /// How far the facets round a triangle must leave the cylinder on which they are, mm, if vertices may be off by `near`, mm.
+    fn least_bulge(&self, triangle: usize, near: f64) -> f64 {
+        let lengths = [0, 1, 2].map(|side| {
+            let [from, to] = self.ends(3 * triangle + side);
+            (to - from).norm()
+        });
+        let [shortest, longest] = lengths
+            .into_iter()
+            .fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)]);
+        let is_long = longest > LONG * shortest;
+        near * if is_long { LEAST_BULGE_OF_LONG } else { LEAST_BULGE }
+    }
+
     /// Whether the facets of a group face its axis.
     fn is_hollow(&self, group: &Group) -> bool {
         let outward = |&triangle: &usize| {
@@ -211,7 +228,7 @@ impl Search<'_> {
             bulges.sort_by(f64::total_cmp);
             let usual = bulges[bulges.len() / 2];
             let group = Group { cylinder, most: FLAT * usual, triangles: Vec::new() };
-            (usual >= self.least_bulge(triangle)).then_some(group)
+            (usual >= self.mesh.least_bulge(triangle, self.near)).then_some(group)
         });
         starts.find_map(|mut group| {
             for _ in 0..ROUNDS {
@@ -227,19 +244,6 @@ impl Search<'_> {
             }
             (group.triangles.len() >= REACHES[1]).then_some(group)
         })
-    }
-
-    /// How far the facets round a triangle must leave the cylinder on which they are, mm.
-    fn least_bulge(&self, triangle: usize) -> f64 {
-        let lengths = [0, 1, 2].map(|side| {
-            let [from, to] = self.mesh.ends(3 * triangle + side);
-            (to - from).norm()
-        });
-        let [shortest, longest] = lengths
-            .into_iter()
-            .fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)]);
-        let is_long = longest > LONG * shortest;
-        self.near * if is_long { LEAST_BULGE_OF_LONG } else { LEAST_BULGE }
     }
 
     /// A triangle and some on both sides of it, along the direction of one of its sides.
