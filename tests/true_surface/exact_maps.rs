@@ -80,7 +80,7 @@ fn shafts_with_a_hole_or_a_boss_are_recognised_as_cylinders() {
         let map = LengthTrueMap::find(&surface, &lines(middle), |_| true, middle, &AUTOMATIC).unwrap();
         let LengthTrueMap::Cylinder(_, fit) = map else { panic!("{name}: {:?}", map.fit_residual()) };
         assert!((fit.cylinder.radius - radius).abs() < 0.001 && fit.residual < 0.001, "{name}: {fit:?}");
-        assert_eq!(surface.uncertainty(middle.coords().into()).slope, 0.0, "{name}");
+        assert!(surface.uncertainty(middle.coords().into()).slope < 0.001, "{name}");
     }
 }
 

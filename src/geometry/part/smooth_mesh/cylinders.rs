@@ -5,7 +5,7 @@
 //! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. What follows
 //! its ends confirms it (`ends`).
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
@@ -236,7 +236,8 @@ impl Search<'_> {
                 let points = self.some_points(&triangles, Some(&group.cylinder));
                 let cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
                 let next = Group { cylinder, most: group.most, triangles: Vec::new() };
-                triangles.retain(|&triangle| self.is_on(&next, triangle, self.near));
+                let mut facets_on = FacetsOn::of(self, &next, self.near);
+                triangles.retain(|&triangle| facets_on.has(triangle));
                 if triangles.len() <= group.triangles.len() {
                     break;
                 }
@@ -298,6 +299,7 @@ impl Search<'_> {
     fn grown(&self, group: &Group, from: usize, is_known: &[bool]) -> Vec<usize> {
         let mut found = vec![from];
         let mut is_found = BTreeSet::from([from]);
+        let mut facets_on = FacetsOn::of(self, group, NEARLY * self.near);
         let mut next = 0;
         while next < found.len() {
             let here = found[next];
@@ -308,10 +310,7 @@ impl Search<'_> {
                     continue;
                 }
                 let there = other as usize / 3;
-                let is_on = || {
-                    self.facets.with(there).all(|triangle| self.is_on(group, triangle, NEARLY * self.near))
-                };
-                if is_found.contains(&there) || is_known[there] || !is_on() {
+                if is_found.contains(&there) || is_known[there] || !facets_on.has(there) {
                     continue;
                 }
                 is_found.insert(there);
@@ -319,18 +318,6 @@ impl Search<'_> {
             }
         }
         found
-    }
-
-    fn is_on(&self, Group { cylinder, most, .. }: &Group, triangle: usize, near: f64) -> bool {
-        let corners = self.mesh.corners(triangle).0;
-        let is_on = |(&vertex, point): (&u32, Point3<f64>)| {
-            let distance = cylinder.distance(&point);
-            let below = if self.is_on_chord[vertex as usize] { *most } else { near };
-            -below <= distance && distance <= near
-        };
-        self.mesh.triangles[triangle].iter().zip(corners).all(is_on)
-            && bulge_on(self.mesh, cylinder, triangle) <= *most
-            && (facet_normal(corners).dot(&cylinder.axis).abs() < LEAN || sliver_side(corners).is_some())
     }
 
     /// The different vertices of some triangles without those on chords, evenly chosen if there are many. Those that are on the
@@ -370,6 +357,66 @@ fn bulge_on(mesh: &SmoothMesh, cylinder: &Cylinder, triangle: usize) -> f64 {
     let [a, b, c] = mesh.corners(triangle).0;
     let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
     middles.map(|middle| cylinder.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
+}
+
+/// The plane facets that are on the cylinder of a group, as they are asked for.
+struct FacetsOn<'a> {
+    search: &'a Search<'a>,
+    group: &'a Group,
+    /// Vertices are this close to the cylinder, mm.
+    near: f64,
+    known: BTreeMap<u32, bool>,
+}
+
+impl<'a> FacetsOn<'a> {
+    fn of(search: &'a Search<'a>, group: &'a Group, near: f64) -> Self {
+        Self { search, group, near, known: BTreeMap::new() }
+    }
+
+    /// Whether the facet of a triangle is on the cylinder.
+    fn has(&mut self, triangle: usize) -> bool {
+        let facet = self.search.facets.of_triangle(triangle);
+        let known = self.known.get(&facet).copied();
+        known.unwrap_or_else(|| {
+            let is_on = self.is_on(triangle);
+            self.known.insert(facet, is_on);
+            is_on
+        })
+    }
+
+    /// Vertices on chords are between others round the axis, and as far below the cylinder as chords may be.
+    fn is_on(&self, triangle: usize) -> bool {
+        let Self {
+            search: Search { mesh, facets, is_on_chord, .. },
+            group: Group { cylinder, most, .. },
+            near,
+            ..
+        } = self;
+        let normal = facets.with(triangle).next().map(|largest| facet_normal(mesh.corners(largest).0));
+        let round = cylinder.axis.cross(&normal.unwrap_or_else(Vector3::zeros));
+        let mut on = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut chords = on;
+        for triangle in facets.with(triangle) {
+            let corners = mesh.corners(triangle).0;
+            for (&vertex, point) in mesh.triangles[triangle].iter().zip(&corners) {
+                let distance = cylinder.distance(point);
+                let range = if distance.abs() <= *near {
+                    &mut on
+                } else if is_on_chord[vertex as usize] && -most <= distance && distance < 0.0 {
+                    &mut chords
+                } else {
+                    return false;
+                };
+                let at = round.dot(&point.coords);
+                *range = [range[0].min(at), range[1].max(at)];
+            }
+            let leans = facet_normal(corners).dot(&cylinder.axis).abs() >= LEAN;
+            if bulge_on(mesh, cylinder, triangle) > *most || leans && sliver_side(corners).is_none() {
+                return false;
+            }
+        }
+        on[0] <= chords[0] && chords[1] <= on[1]
+    }
 }
 
 /// The cylinder nearest to the points, from one that is close to them, in at most so many steps.

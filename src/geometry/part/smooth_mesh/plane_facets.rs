@@ -17,7 +17,7 @@ pub(super) struct PlaneFacets {
 }
 
 impl PlaneFacets {
-    /// Those of a mesh whose vertices may be off by `near`, mm. The larger of two triangles defines the plane: a sliver has none.
+    /// Those of a mesh whose vertices may be off by `near`, mm. The larger of two triangles defines the plane.
     pub(super) fn of(mesh: &SmoothMesh, near: f64) -> Self {
         let count = mesh.triangles.len();
         let area = |triangle: usize| {
@@ -29,6 +29,10 @@ impl PlaneFacets {
         for (side, &other) in mesh.continued.iter().enumerate() {
             let (here, there) = (side / 3, other as usize / 3);
             if other == NONE || areas[here] < areas[there] {
+                continue;
+            }
+            // A sliver has no plane of its own; it belongs to the facet along its longest side.
+            if sliver_side(mesh.corners(there).0).is_some_and(|longest| longest != other as usize % 3) {
                 continue;
             }
             let corners = mesh.corners(here).0;
@@ -49,6 +53,11 @@ impl PlaneFacets {
         of_triangle.iter().for_each(|&facet| starts[facet as usize + 1] += 1);
         (0..facets).for_each(|facet| starts[facet + 1] += starts[facet]);
         Self { of_triangle, starts, triangles }
+    }
+
+    /// The number of the facet of a triangle.
+    pub(super) fn of_triangle(&self, triangle: usize) -> u32 {
+        self.of_triangle[triangle]
     }
 
     /// The triangles of the facet of a triangle, the largest first.
