@@ -43,14 +43,16 @@ pub enum PatternReadError {
         what: String,
     },
     /// The page of an SVG drawing has a size that cannot be read.
-    #[error("the `{what}` of the page cannot be read: `{text}`")]
+    #[error("the `{what}` of the page {why}: {text}")]
     SvgSize {
         /// Where it is.
         spot: Spot,
         /// The attribute or property, such as `width`.
         what: &'static str,
-        /// The text that it has.
+        /// The text that it has, or why that is not known.
         text: String,
+        /// What is wrong with it.
+        why: &'static str,
     },
     /// A picture states no resolution, and the settings give no size.
     #[error("the picture of {} x {} pixels has no size in mm", pixels[0], pixels[1])]

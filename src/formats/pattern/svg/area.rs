@@ -55,7 +55,11 @@ pub(super) fn flattened(shapes: &[Shape], budget: &mut Budget) -> Result<Polygon
 }
 
 /// The area that the polygons cover by the rule.
-pub(super) fn united(polygons: &Polygons, rule: FillRule, budget: &mut Budget) -> Result<Polygons, Unworkable> {
+pub(super) fn united(
+    polygons: &Polygons,
+    rule: FillRule,
+    budget: &mut Budget,
+) -> Result<Polygons, Unworkable> {
     check(polygons, budget)?;
     Ok(polygons.simplify_shape(rule).into_iter().flatten().collect())
 }
@@ -72,7 +76,11 @@ pub(super) fn intersection(
 }
 
 /// The parts of lines inside an area.
-pub(super) fn clipped(lines: &Polygons, clip: &Polygons, budget: &mut Budget) -> Result<Polygons, Unworkable> {
+pub(super) fn clipped(
+    lines: &Polygons,
+    clip: &Polygons,
+    budget: &mut Budget,
+) -> Result<Polygons, Unworkable> {
     let both: Polygons = lines.iter().chain(clip).cloned().collect();
     check(&both, budget)?;
     let rule = ClipRule { invert: false, boundary_included: true };

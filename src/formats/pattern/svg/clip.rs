@@ -42,8 +42,9 @@ impl<'a, 'd> Walk<'a, 'd> {
         let Ok(own) = place::own(&style, context.viewport) else {
             return Ok(Err("the transform of its clip path cannot be read".into()));
         };
-        let unread =
-            || Ok(Err("its clip path contains more than shapes, or shapes that cannot be read: cut it in the drawing program".into()));
+        let unread = || {
+            Ok(Err("its clip path contains more than shapes, or shapes that cannot be read: cut it in the drawing program".into()))
+        };
         if style.clip.is_some() || style.is_clip_unread() {
             return unread();
         }
@@ -66,7 +67,9 @@ impl<'a, 'd> Walk<'a, 'd> {
                 let link = child.attributes().find(|attribute| attribute.name() == "href");
                 let target =
                     link.and_then(|link| self.ids.get(link.value().trim().strip_prefix('#')?).copied());
-                let (Ok(own), Some(target), false) = (own, target, style.is_clip_unread()) else { return unread() };
+                let (Ok(own), Some(target), false) = (own, target, style.is_clip_unread()) else {
+                    return unread();
+                };
                 let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
                 map = own.map_or(map, |own| map.after(&own)).after(&shift);
                 outer = Context { style, ..outer };

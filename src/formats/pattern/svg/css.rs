@@ -138,9 +138,21 @@ impl Sheet {
         let unknown = Group { condition: Truth::Unknown, text: rule, depth: group.depth + 1, ..group };
         match name.as_str() {
             // These draw nothing, or only what moves or is printed on pages.
-            "charset" | "namespace" | "font-face" | "font-feature-values" | "font-palette-values"
-            | "keyframes" | "-webkit-keyframes" | "-moz-keyframes" | "-o-keyframes" | "page"
-            | "counter-style" | "color-profile" | "view-transition" | "position-try" | "viewport"
+            "charset"
+            | "namespace"
+            | "font-face"
+            | "font-feature-values"
+            | "font-palette-values"
+            | "keyframes"
+            | "-webkit-keyframes"
+            | "-moz-keyframes"
+            | "-o-keyframes"
+            | "page"
+            | "counter-style"
+            | "color-profile"
+            | "view-transition"
+            | "position-try"
+            | "viewport"
             | "-ms-viewport" => {}
             "import" => self.imports.push(shown(prelude)),
             _ if group.depth >= MAX_DEPTH => self.unread_rule(rule, block, group),
@@ -205,11 +217,14 @@ impl Sheet {
 
     /// A rule with elements that are not known.
     fn unread_rule(&mut self, rule: &str, block: &str, group: Group<'_>) {
-        let (declarations, nested) = declarations_and_rules(block);
+        let (mut declarations, nested) = declarations_and_rules(block);
         if group.depth < MAX_DEPTH {
             for (rule, block) in nested {
                 self.unread_rule(rule, block, Group { depth: group.depth + 1, ..group });
             }
+        } else if !nested.is_empty() {
+            // Too deep to look for what it sets.
+            declarations.push(Declaration { name: "all".into(), value: "unset".into(), is_important: true });
         }
         self.rules.push(Rule {
             selector: Selector::unknown(),
@@ -277,7 +292,8 @@ fn declaration(text: &str) -> Option<Declaration> {
 
 /// Where a name that begins the text ends.
 fn rest_of_name(text: &str) -> usize {
-    let is_part = |letter: char| letter.is_ascii_alphanumeric() || "-_".contains(letter) || !letter.is_ascii();
+    let is_part =
+        |letter: char| letter.is_ascii_alphanumeric() || "-_".contains(letter) || !letter.is_ascii();
     text.find(|letter| !is_part(letter)).unwrap_or(text.len())
 }
 
@@ -431,7 +447,8 @@ mod tests {
             let all = declarations(text).into_iter();
             all.map(|one| (one.name, one.value, one.is_important)).collect()
         };
-        let expect = |name: &str, value: &str, is_important| (name.to_owned(), value.to_owned(), is_important);
+        let expect =
+            |name: &str, value: &str, is_important| (name.to_owned(), value.to_owned(), is_important);
         assert_eq!(
             read("FILL:Red;;stroke : url(\"a;b\") !IMPORTANT; nonsense; /* fill:blue; */ --A: {x;y}"),
             [
@@ -474,8 +491,11 @@ mod tests {
             "all",
         );
         sheet.sort();
-        let rules: Vec<(&str, Truth)> =
-            sheet.rules.iter().map(|rule| (&*rule.text, rule.condition.min(rule.selector.certainty()))).collect();
+        let rules: Vec<(&str, Truth)> = sheet
+            .rules
+            .iter()
+            .map(|rule| (&*rule.text, rule.condition.min(rule.selector.certainty())))
+            .collect();
         assert_eq!(
             rules,
             [

@@ -55,9 +55,14 @@ fn read_within(
     let style = sheets
         .style(root, &Style::default(), Vector2::zeros())
         .map_err(|too_many| too_many.at(lines.name(root, NO_LAYER)))?;
-    let page = page::page(root, &style, producer.as_deref(), options).map_err(|page::Unread { what, text }| {
-        PatternReadError::SvgSize { spot: Spot::Line(lines.line(root)), what, text }
-    })?;
+    let page = page::page(root, &style, producer.as_deref(), options).map_err(
+        |page::Unread { what, text, why }| PatternReadError::SvgSize {
+            spot: Spot::Line(lines.line(root)),
+            what,
+            text,
+            why,
+        },
+    )?;
     let imports = findings::imports_notice(sheets.imports());
 
     let mut walk = Walk::new(root, sheets, lines, budget, options.strokes, page.pixel, text::draw);

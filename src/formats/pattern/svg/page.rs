@@ -38,6 +38,19 @@ pub(super) struct Page {
 pub(super) struct Unread {
     pub(super) what: &'static str,
     pub(super) text: String,
+    /// What is wrong with it, as the end of a sentence.
+    pub(super) why: &'static str,
+}
+
+impl Unread {
+    fn new(what: &'static str, text: &str, why: &'static str) -> Self {
+        Self { what, text: text.chars().take(100).collect(), why }
+    }
+
+    /// A rule that may set it; `why` names the rule.
+    fn uncertain(what: &'static str, why: &str) -> Self {
+        Self { text: why.to_owned(), ..Self::new(what, "", "is not certain") }
+    }
 }
 
 /// How many mm a length is, and whether it depends on the size of a pixel; `None` for a share of the window.
@@ -54,24 +67,27 @@ fn in_mm(length: Length, style: &Style, pixel: f64) -> Option<(f64, bool)> {
 /// The width or height of the page, as style or attribute, which must be a size. Words such as `auto` state none, and a share of the
 /// window in a style states less than the attribute.
 fn side(root: Node<'_, '_>, style: &Style, what: &'static str) -> Result<Option<Length>, Unread> {
-    let unread = |text: &str| Unread { what, text: text.chars().take(100).collect() };
+    const NO_SIZE: &str = "is not a size";
     let is_word = |text: &str| text.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-');
     if let Some(why) = style.unread_geometry(what) {
-        return Err(unread(why));
+        return Err(Unread::uncertain(what, why));
     }
     let mut found = None;
     if let Some(text) = style.geometry(what).filter(|text| !is_word(text)) {
-        // CSS ignores numbers without a unit.
-        let length = Length::parsed(text).filter(|length| length.unit != Unit::None);
-        found = Some(length.filter(is_size).ok_or_else(|| unread(text))?);
+        let length = Length::parsed(text).filter(is_size).ok_or(Unread::new(what, text, NO_SIZE))?;
+        if length.unit == Unit::None {
+            return Err(Unread::new(what, text, "has no unit, and CSS ignores it in a style"));
+        }
+        found = Some(length);
     }
     if found.is_none_or(|length| length.unit == Unit::Percent)
-        && let Some(text) = root.attribute(what).map(str::trim).filter(|text| !text.is_empty() && *text != "auto")
+        && let Some(text) =
+            root.attribute(what).map(str::trim).filter(|text| !text.is_empty() && *text != "auto")
     {
         // Some programs write `40 mm`, which can mean nothing else.
         let unit = text.trim_end_matches(|letter: char| letter.is_ascii_alphabetic() || letter == '%').len();
         let joined = format!("{}{}", text[..unit].trim_end(), &text[unit..]);
-        found = Some(Length::parsed(&joined).filter(is_size).ok_or_else(|| unread(text))?);
+        found = Some(Length::parsed(&joined).filter(is_size).ok_or(Unread::new(what, text, NO_SIZE))?);
     }
     Ok(found)
 }
@@ -86,14 +102,18 @@ fn check_limits(style: &Style, own: Vector2<f64>) -> Result<(), Unread> {
         [("min-width", 0, false), ("max-width", 0, true), ("min-height", 1, false), ("max-height", 1, true)];
     for (what, axis, is_largest) in LIMITS {
         if let Some(why) = style.unread_geometry(what) {
-            return Err(Unread { what, text: why.into() });
+            return Err(Unread::uncertain(what, why));
         }
         let Some(text) = style.geometry(what) else { continue };
         let Some(length) = Length::parsed(text) else { continue };
         let Some((limit, _)) = in_mm(length, style, DrawingUnit::Pixel96.in_mm()) else { continue };
         let is_changed = if is_largest { limit < own[axis] } else { limit > own[axis] };
         if is_changed && length.unit != Unit::None {
-            return Err(Unread { what, text: text.into() });
+            return Err(Unread::new(
+                what,
+                text,
+                "changes the size of the page in a browser and not elsewhere",
+            ));
         }
     }
     Ok(())
@@ -143,7 +163,7 @@ pub(super) fn page(
     let view = view_box(root);
     let view_text = root.attribute("viewBox").filter(|text| !text.trim().is_empty());
     if let (None, Some(text)) = (view, view_text) {
-        return Err(Unread { what: "viewBox", text: text.chars().take(100).collect() });
+        return Err(Unread::new("viewBox", text, "is not a position and a size"));
     }
     let is_by_unit = options.unit.is_some() && view.is_some();
     let (width, height) = match is_by_unit {
@@ -258,8 +278,7 @@ pub(super) fn page(
 /// The size of a user unit of a page without `viewBox`, mm: a pixel, or the unit that the settings give to numbers without
 /// one.
 fn pixel_of(sides: &[Option<Length>; 2], pixel: f64) -> f64 {
-    let has_unit =
-        sides.iter().flatten().any(|side| side.unit != Unit::None && side.unit != Unit::Percent);
+    let has_unit = sides.iter().flatten().any(|side| side.unit != Unit::None && side.unit != Unit::Percent);
     if has_unit { DrawingUnit::Pixel96.in_mm() } else { pixel }
 }
 

@@ -8,6 +8,8 @@ use super::css::{Truth, find, listed};
 
 /// Deepest nesting of selectors in others.
 const MAX_DEPTH: usize = 8;
+/// Largest number of compounds in a selector.
+const MAX_PARTS: usize = 64;
 /// Largest number of steps for matching the selectors of style sheets.
 const MAX_STEPS: usize = 20_000_000;
 
@@ -19,9 +21,14 @@ pub(super) type Specificity = [usize; 3];
 pub(super) struct Steps(Cell<usize>);
 
 impl Steps {
+    /// Counts a step; whether more are allowed.
     fn step(&self) -> bool {
-        self.0.set(self.0.get() + 1);
+        self.add(1);
         !self.are_too_many()
+    }
+
+    pub(super) fn add(&self, count: usize) {
+        self.0.set(self.0.get().saturating_add(count));
     }
 
     pub(super) fn are_too_many(&self) -> bool {
@@ -50,8 +57,19 @@ enum Simple {
     Type(String),
     Id(String),
     Class(String),
-    Attribute { name: String, test: Test, value: String, ignores_case: bool },
-    Nth { a: i64, b: i64, from_end: bool, of_type: bool, of: Vec<Selector> },
+    Attribute {
+        name: String,
+        test: Test,
+        value: String,
+        ignores_case: bool,
+    },
+    Nth {
+        a: i64,
+        b: i64,
+        from_end: bool,
+        of_type: bool,
+        of: Vec<Selector>,
+    },
     Root,
     Empty,
     /// A link that nobody has followed.
@@ -101,7 +119,7 @@ fn parse(text: &str, depth: usize) -> Option<Selector> {
             compound.push(simple);
             rest = after;
         }
-        if compound.is_empty() {
+        if compound.is_empty() || selector.parts.len() == MAX_PARTS {
             return None;
         }
         selector.parts.push((combinator, compound));
@@ -303,11 +321,12 @@ fn pseudo_class(name: &str, argument: Option<&str>, depth: usize) -> Option<(Sim
             (Simple::Has(inside), weight)
         }
         (
-            "hover" | "active" | "focus" | "focus-visible" | "focus-within" | "visited" | "target" | "checked"
-            | "disabled" | "enabled" | "fullscreen" | "before" | "after" | "first-line" | "first-letter"
-            | "selection" | "placeholder-shown" | "autofill" | "modal" | "playing" | "paused" | "current" | "past"
-            | "future" | "target-within" | "user-invalid" | "user-valid" | "invalid" | "valid" | "required"
-            | "optional" | "indeterminate" | "default" | "popover-open" | "picture-in-picture",
+            "hover" | "active" | "focus" | "focus-visible" | "focus-within" | "visited" | "target"
+            | "checked" | "disabled" | "enabled" | "fullscreen" | "before" | "after" | "first-line"
+            | "first-letter" | "selection" | "placeholder-shown" | "autofill" | "modal" | "playing"
+            | "paused" | "current" | "past" | "future" | "target-within" | "user-invalid" | "user-valid"
+            | "invalid" | "valid" | "required" | "optional" | "indeterminate" | "default" | "popover-open"
+            | "picture-in-picture",
             None,
         ) => (Simple::Never, class),
         _ => (Simple::Unknown, class),

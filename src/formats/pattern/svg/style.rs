@@ -211,18 +211,18 @@ impl Kind {
 /// What a property has an effect on; nothing if it cannot change a mark.
 fn kind(name: &str) -> Option<Kind> {
     Some(match name {
-        "fill" | "fill-opacity" | "fill-rule" | "clip-rule" | "stroke" | "stroke-opacity" | "stroke-width"
-        | "stroke-dasharray" | "stroke-dashoffset" | "stroke-linecap" | "stroke-linejoin"
-        | "stroke-miterlimit" | "visibility" | "color" | "marker" | "marker-start" | "marker-mid"
-        | "marker-end" => Kind::Paint,
+        "fill" | "fill-opacity" | "fill-rule" | "clip-rule" | "stroke" | "stroke-opacity"
+        | "stroke-width" | "stroke-dasharray" | "stroke-dashoffset" | "stroke-linecap"
+        | "stroke-linejoin" | "stroke-miterlimit" | "visibility" | "color" | "marker" | "marker-start"
+        | "marker-mid" | "marker-end" => Kind::Paint,
         "font" | "font-size" | "text-anchor" | "letter-spacing" | "word-spacing" | "text-transform"
         | "font-variant" | "font-variant-caps" | "white-space" | "writing-mode" | "dominant-baseline" => {
             Kind::Text
         }
         "baseline-shift" | "alignment-baseline" | "text-decoration" | "text-decoration-line" => Kind::OwnText,
         "opacity" | "display" | "clip-path" | "mask" | "mask-image" | "filter" | "transform"
-        | "transform-origin" | "transform-box" | "translate" | "rotate" | "scale" | "offset" | "offset-path"
-        | "overflow" | "vector-effect" | "zoom" | "all" => Kind::Own,
+        | "transform-origin" | "transform-box" | "translate" | "rotate" | "scale" | "offset"
+        | "offset-path" | "overflow" | "vector-effect" | "zoom" | "all" => Kind::Own,
         name if GEOMETRY.contains(&name) => Kind::Geometry,
         _ => return None,
     })
@@ -230,7 +230,19 @@ fn kind(name: &str) -> Option<Kind> {
 
 /// Sizes and positions that CSS may give.
 const GEOMETRY: [&str; 14] = [
-    "cx", "cy", "r", "rx", "ry", "x", "y", "width", "height", "d", "min-width", "max-width", "min-height",
+    "cx",
+    "cy",
+    "r",
+    "rx",
+    "ry",
+    "x",
+    "y",
+    "width",
+    "height",
+    "d",
+    "min-width",
+    "max-width",
+    "min-height",
     "max-height",
 ];
 
@@ -246,11 +258,56 @@ enum Outcome {
 
 /// The outcome of a value that is not read: single words are all known, others may be functions or units that are not.
 fn unless_word(value: &str) -> Outcome {
-    match value.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-') {
-        true => Outcome::Ignored,
-        false => Outcome::Unread,
-    }
+    let is_word = value.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-');
+    let is_color = SYSTEM_COLORS.iter().any(|name| name.eq_ignore_ascii_case(value));
+    if is_word && !is_color { Outcome::Ignored } else { Outcome::Unread }
 }
+
+/// Colours of the computer that shows a drawing (CSS Color Level 4, chapter 10 and appendix A).
+const SYSTEM_COLORS: [&str; 42] = [
+    "AccentColor",
+    "AccentColorText",
+    "ActiveText",
+    "ButtonBorder",
+    "ButtonFace",
+    "ButtonText",
+    "Canvas",
+    "CanvasText",
+    "Field",
+    "FieldText",
+    "GrayText",
+    "Highlight",
+    "HighlightText",
+    "LinkText",
+    "Mark",
+    "MarkText",
+    "SelectedItem",
+    "SelectedItemText",
+    "VisitedText",
+    "ActiveBorder",
+    "ActiveCaption",
+    "AppWorkspace",
+    "Background",
+    "ButtonHighlight",
+    "ButtonShadow",
+    "CaptionText",
+    "InactiveBorder",
+    "InactiveCaption",
+    "InactiveCaptionText",
+    "InfoBackground",
+    "InfoText",
+    "Menu",
+    "MenuText",
+    "Scrollbar",
+    "ThreeDDarkShadow",
+    "ThreeDFace",
+    "ThreeDHighlight",
+    "ThreeDLightShadow",
+    "ThreeDShadow",
+    "Window",
+    "WindowFrame",
+    "WindowText",
+];
 
 /// A declaration of an element, from its attributes, a style sheet, or its attribute `style`.
 struct Given<'s> {
@@ -352,7 +409,8 @@ impl Sheets {
         if node.tag_name().name() != "tspan" {
             style.raised = outer.raised;
         }
-        let is_decoration = |given: &&Given<'_>| DECORATIONS.contains(&given.name) && given.uncertain.is_none();
+        let is_decoration =
+            |given: &&Given<'_>| DECORATIONS.contains(&given.name) && given.uncertain.is_none();
         if let Some(given) = given.iter().rev().find(is_decoration)
             && let Ok(value) = resolved(given.value, &style.variables)
         {
@@ -387,6 +445,7 @@ impl Sheets {
         for rule in &self.sheet.rules {
             let holds = rule.condition.min(rule.selector.matches(node, &self.steps));
             if holds != Truth::No {
+                self.steps.add(rule.declarations.len());
                 let uncertain = (holds == Truth::Unknown).then_some(&*rule.text);
                 rule.declarations.iter().for_each(|declaration| add(declaration, rule.layer, uncertain));
             }
@@ -437,8 +496,25 @@ fn alpha(value: &str) -> Option<f64> {
     Some(number.clamp(0.0, 1.0))
 }
 
+/// A colour as a function of older standards, which have commas and no percentage as opacity: `rgb(1 2 3 / 4%)` is
+/// `rgba(1,2,3,0.04)` there.
+fn with_commas(value: &str) -> Cow<'_, str> {
+    let parts = value.split_once('(').and_then(|(name, rest)| Some((name, rest.strip_suffix(')')?)));
+    let Some((name @ ("rgb" | "rgba" | "hsl" | "hsla"), inside)) = parts else { return Cow::Borrowed(value) };
+    let words = inside.split([',', '/', ' ', '\t', '\n']).filter(|word| !word.is_empty());
+    let mut words: Vec<Cow<'_, str>> = words.map(Cow::Borrowed).collect();
+    let mut name = name[..3].to_owned();
+    if let [_, _, _, last] = &mut words[..] {
+        name.push('a');
+        if let Some(number) = alpha(last) {
+            *last = number.to_string().into();
+        }
+    }
+    Cow::Owned(format!("{name}({})", words.join(",")))
+}
+
 fn color(value: &str) -> Option<([u8; 3], f64)> {
-    let color = svgtypes::Color::from_str(value).ok()?;
+    let color = svgtypes::Color::from_str(&with_commas(value)).ok()?;
     Some(([color.red, color.green, color.blue], f64::from(color.alpha) / 255.0))
 }
 
@@ -460,7 +536,8 @@ impl Style {
     pub(super) fn length(&self, text: &str, whole: f64) -> Option<f64> {
         let length = Length::parsed(text)?;
         let is_relative = matches!(length.unit, Unit::Em | Unit::Ex);
-        let is_known = !is_relative || !["font", "font-size"].iter().any(|name| self.unread.contains_key(*name));
+        let is_known =
+            !is_relative || !["font", "font-size"].iter().any(|name| self.unread.contains_key(*name));
         Some(length.user_units(self.scale(whole))).filter(|size| is_known && size.is_finite())
     }
 
@@ -490,7 +567,8 @@ impl Style {
 
     /// Why the area of a clip path cannot be drawn.
     pub(super) fn is_clip_unread(&self) -> bool {
-        let matters = |name: &str| kind(name) == Some(Kind::Own) || matches!(name, "visibility" | "clip-rule");
+        let matters =
+            |name: &str| kind(name) == Some(Kind::Own) || matches!(name, "visibility" | "clip-rule");
         self.unread_of(matters).is_some()
     }
 
@@ -513,10 +591,12 @@ impl Style {
         let is_geometry = GEOMETRY.contains(&name);
         // Attributes of sizes are no properties; `rotate`, `scale` and others mean something else.
         let is_property = given.is_css || !(is_geometry || MOVES.contains(&name));
-        if !is_property {
+        let matters = kind(name).is_some();
+        // These change only what is reported, or are no properties of CSS.
+        let is_read = matters || matches!(name, "font-family" | "font-weight" | "font-style" | "xml:space");
+        if !is_property || !is_read {
             return;
         }
-        let matters = kind(name).is_some();
         if let (Some(rule), true) = (given.uncertain, matters) {
             let why = format!(
                 "the rule `{rule}` of the style sheet cannot be evaluated, and may set its `{name}`: set it in the element, or \
@@ -614,9 +694,8 @@ impl Style {
             "stroke-dasharray" => set!(dashes, {
                 let parts = word.split([',', ' ', '\t', '\n', '\r']);
                 let parts = parts.filter(|part| !part.is_empty() && *part != "none");
-                let all: Option<Vec<f64>> = parts
-                    .map(|part| self.length(part, diagonal).filter(|dash: &f64| *dash >= 0.0))
-                    .collect();
+                let all: Option<Vec<f64>> =
+                    parts.map(|part| self.length(part, diagonal).filter(|dash: &f64| *dash >= 0.0)).collect();
                 all.map(|dashes| if dashes.iter().sum::<f64>() > 0.0 { dashes } else { Vec::new() }.into())
             }),
             "stroke-dashoffset" => set!(dash_offset, self.length(word, diagonal)),
@@ -769,7 +848,10 @@ impl Style {
                 set!(clip, (clip.is_some() || has_shape || word == "none").then_some(clip));
                 set!(has_css_clip, Some(has_shape));
             }
-            "mask" | "mask-image" => set!(mask, Some(reference(value))),
+            "mask" | "mask-image" => {
+                let mask = reference(value);
+                set!(mask, (mask.is_some() || word == "none").then_some(mask));
+            }
             "overflow" => set!(overflows, Some(matches!(word, "visible" | "auto"))),
             "transform-origin" => set!(transform_origin, Some(Some(value.into()))),
             "transform-box" => set!(has_own_box, Some(word != "view-box")),
@@ -808,6 +890,7 @@ impl Style {
             other if other.starts_with("url(") => value,
             other => other,
         };
+        let value = &*with_commas(value);
         Some(match svgtypes::Paint::from_str(value).ok()? {
             svgtypes::Paint::None => Paint::None,
             svgtypes::Paint::CurrentColor if self.unread.contains_key("color") => return None,
@@ -826,7 +909,28 @@ const MOVES: [&str; 5] = ["translate", "rotate", "scale", "offset", "offset-path
 
 /// Values of `display` that draw an element.
 const DISPLAYS: [&str; 24] = [
-    "inline", "block", "contents", "flex", "grid", "inline-block", "inline-flex", "inline-grid", "flow-root", "list-item",
-    "run-in", "compact", "marker", "flow", "ruby", "math", "table", "inline-table", "table-row-group",
-    "table-header-group", "table-footer-group", "table-row", "table-cell", "table-caption",
+    "inline",
+    "block",
+    "contents",
+    "flex",
+    "grid",
+    "inline-block",
+    "inline-flex",
+    "inline-grid",
+    "flow-root",
+    "list-item",
+    "run-in",
+    "compact",
+    "marker",
+    "flow",
+    "ruby",
+    "math",
+    "table",
+    "inline-table",
+    "table-row-group",
+    "table-header-group",
+    "table-footer-group",
+    "table-row",
+    "table-cell",
+    "table-caption",
 ];

@@ -258,7 +258,8 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
             let text = node.attribute(name).unwrap_or_default();
             let lengths = text.split(|letter: char| letter.is_whitespace() || letter == ',');
             let lengths = lengths.filter(|length| !length.is_empty()).take(LONGEST);
-            let read = lengths.map(|length| style.length(length, whole).ok_or_else(|| unread_length(name, length)));
+            let read =
+                lengths.map(|length| style.length(length, whole).ok_or_else(|| unread_length(name, length)));
             read.collect::<Result<_, _>>().unwrap_or_else(|why| {
                 self.unread = Some(why.into());
                 Vec::new()

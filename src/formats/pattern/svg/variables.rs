@@ -98,10 +98,7 @@ fn names(text: &str) -> impl Iterator<Item = &str> {
 }
 
 /// A value with its references to custom properties replaced; `None` if one has neither a value nor a fallback.
-pub(super) fn resolved<'v>(
-    value: &'v str,
-    variables: &Variables,
-) -> Result<Option<Cow<'v, str>>, Unknown> {
+pub(super) fn resolved<'v>(value: &'v str, variables: &Variables) -> Result<Option<Cow<'v, str>>, Unknown> {
     resolved_at(value, variables, 0)
 }
 
@@ -143,7 +140,8 @@ mod tests {
     #[test]
     fn values_are_replaced_as_css_defines() {
         let outer = Rc::new(Variables::default()).with(
-            [("--a", " red ", false), ("--b", "var(--a)", false), ("--u", "x", true), ("--e", "", false)].into_iter(),
+            [("--a", " red ", false), ("--b", "var(--a)", false), ("--u", "x", true), ("--e", "", false)]
+                .into_iter(),
         );
         let own = [
             ("--a", "blue", false),

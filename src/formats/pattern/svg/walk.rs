@@ -448,12 +448,7 @@ impl<'a, 'd> Walk<'a, 'd> {
     }
 
     /// Lists an element that cannot be read.
-    fn unread(
-        &mut self,
-        node: Node<'a, 'd>,
-        context: &Context,
-        why: String,
-    ) -> Result<(), PatternReadError> {
+    fn unread(&mut self, node: Node<'a, 'd>, context: &Context, why: String) -> Result<(), PatternReadError> {
         self.skip(node, &context.layer, why.into(), Missing::Ink);
         Ok(())
     }
@@ -640,7 +635,8 @@ impl<'a, 'd> Walk<'a, 'd> {
         let of = |name, whole| Ok::<_, String>(maybe(name, whole)?.unwrap_or(0.0));
         Ok(match node.tag_name().name() {
             "rect" => {
-                let radius = |name, whole| Ok::<_, String>(maybe(name, whole)?.filter(|radius| *radius >= 0.0));
+                let radius =
+                    |name, whole| Ok::<_, String>(maybe(name, whole)?.filter(|radius| *radius >= 0.0));
                 let (rx, ry) = (radius("rx", w)?, radius("ry", h)?);
                 let radii = [rx.or(ry).unwrap_or(0.0), ry.or(rx).unwrap_or(0.0)];
                 let size = Vector2::new(of("width", w)?, of("height", h)?);
