@@ -428,6 +428,18 @@ fn lengths_have_the_units_of_css_or_are_refused() {
 }
 
 #[test]
+fn a_drawing_of_which_nothing_can_be_read_names_the_element() {
+    let hidden = "<rect width='2' height='3' fill='none'/>";
+    let reason = try_read(&page(&format!("{hidden}\n<rect x='5furlong' width='2' height='3'/>")))
+        .unwrap_err()
+        .reason();
+    assert_eq!(reason.code, "pattern-nothing-to-mark");
+    let (ink, other) = reason.remedy.rsplit_once(";").unwrap();
+    assert!(ink.contains("its `x` of `5furlong`") && ink.contains("(rect in line 2)"), "{}", reason.remedy);
+    assert!(other.contains("neither fill nor stroke (rect in line 1)"), "{}", reason.remedy);
+}
+
+#[test]
 fn style_sheets_are_those_of_css() {
     // Two rectangles; the sheet hides the second one or does not.
     let shown = |sheet: &str| {

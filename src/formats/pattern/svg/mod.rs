@@ -16,6 +16,7 @@ mod area;
 mod page;
 mod place;
 mod selector;
+mod syntax;
 mod text;
 mod variables;
 mod walk;

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use roxmltree::Node;
 
-use super::css::{Truth, find, listed};
+use super::syntax::{Truth, find, listed};
 
 /// Deepest nesting of selectors in others.
 const MAX_DEPTH: usize = 8;
@@ -138,7 +138,6 @@ fn parse(text: &str, depth: usize) -> Option<Selector> {
 }
 
 /// The next simple selector with its weight and what follows it; nothing at the end of a compound, `None` if it is none.
-#[expect(clippy::type_complexity, reason = "read at one place")]
 fn parse_simple(text: &str, is_first: bool, depth: usize) -> Option<Option<(Simple, Specificity, &str)>> {
     let found = match text.chars().next() {
         None => return Some(None),

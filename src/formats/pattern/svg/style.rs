@@ -12,9 +12,10 @@ use nalgebra::Vector2;
 use roxmltree::{Document, Node, NodeType};
 
 use super::super::error::{EntityName, PatternReadError};
-use super::css::{self, Sheet, Truth};
+use super::css::{self, Sheet};
 use super::length::{Length, Scale, Unit, number_of};
 use super::selector::Steps;
+use super::syntax::Truth;
 use super::variables::{Variables, resolved};
 
 /// Default size of letters: `medium`, in user units.

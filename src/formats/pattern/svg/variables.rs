@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use super::css::find;
+use super::syntax::find;
 
 /// Longest value after all replacements, bytes.
 const LONGEST: usize = 4096;
