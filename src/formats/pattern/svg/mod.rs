@@ -24,6 +24,8 @@ mod findings;
 
 pub(super) use document::{is_complete, is_svg};
 
+use nalgebra::Vector2;
+
 use super::budget::Budget;
 use super::error::{PatternReadError, Spot};
 use super::facts::PatternFacts;
@@ -32,7 +34,6 @@ use super::reading::{PatternOptions, PatternReading, size_notice};
 use crate::geometry::contour;
 use crate::geometry::pattern::{Layer, Pattern};
 use document::Lines;
-use nalgebra::Vector2;
 use style::{Sheets, Style};
 use walk::{LAYER_COLOR, NO_LAYER, Walk};
 
