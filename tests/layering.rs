@@ -107,7 +107,6 @@ const HOMES: &[(&str, &[&str])] = &[
     ("image", &["formats"]),
     ("ttf_parser", &["formats"]),
     ("roxmltree", &["formats"]),
-    ("simplecss", &["formats"]),
     ("svgtypes", &["formats"]),
     ("kurbo", &["formats"]),
     ("encoding_rs", &["formats"]),

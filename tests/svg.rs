@@ -8,7 +8,8 @@ use std::f64::consts::PI;
 
 use fs_err as fs;
 use isomark::formats::pattern::{
-    PatternFacts, PatternOptions, PatternReadError, PatternReading, RasterOptions, Strokes, is_complete, read,
+    DrawingUnit, PatternFacts, PatternOptions, PatternReadError, PatternReading, RasterOptions, Strokes,
+    is_complete, read,
 };
 use isomark::geometry::pattern::{Color, Path, Segment, Shape};
 use isomark::geometry::space::FlatPoint;
@@ -293,10 +294,265 @@ fn the_size_of_the_page_gives_the_scale() {
         near(extents(&reading), expected);
         assert_eq!(reading.facts.unit.to_string(), unit, "{page}");
     }
+    // Units of CSS, in any case, a blank that can mean nothing else, and styles, which win over attributes.
+    for (page, factor, unit) in [
+        ("width='160Q' height='80Q'", 1.0, "mm"),
+        ("width='40MM' height='20Mm'", 1.0, "mm"),
+        ("width=' 40 mm ' height='20 mm'", 1.0, "mm"),
+        ("width='40mm' style='width: 80MM'", 2.0, "mm"),
+        ("style='width:8cm;height:4cm'", 2.0, "cm"),
+        ("width='4cm' height='2cm' style='width:100%;height:auto'", 1.0, "cm"),
+        ("style='font-size:10mm;width:4em'", 1.0, "px"),
+        ("style='font-size:5mm' width='8rem'", 1.0, "px"),
+        ("style='--w:80mm;width:var(--w)'", 2.0, "mm"),
+        ("style='width:var(--w, 80mm)'", 2.0, "mm"),
+        ("class='a' width='4mm'", 2.0, "mm"),
+        ("class='b' style='width:8mm'", 0.5, "mm"),
+        ("width='40mm' style='max-width:100%;max-height:900px'", 1.0, "mm"),
+    ] {
+        let sheet = "<style>svg.a{width:80mm} .b{width:20mm!important} @media print{svg{width:1mm}}</style>";
+        let reading = try_read(&format!(
+            "{HEAD}{page} viewBox='0 0 40 20'>{sheet}<rect x='5' y='5' width='30' height='10'/></svg>"
+        ))
+        .unwrap();
+        near(extents(&reading), [5.0, 5.0, 35.0, 15.0].map(|side| side * factor));
+        assert_eq!(reading.facts.unit.to_string(), unit, "{page}");
+        assert!(
+            reading.facts.unit_why.contains(&format!("{:.3} x", 40.0 * factor)),
+            "{}",
+            reading.facts.unit_why
+        );
+    }
+    let unsized_page = try_read(&format!("{HEAD}viewBox='0 0 100 100'>{rect}")).unwrap();
+    assert!(unsized_page.facts.unit_why.contains("states no size, so its units are pixels of 1/96 inch"));
     let sized = PatternOptions::default().with_picture(RasterOptions::default().with_width(50.0));
     let reading = read(format!("{HEAD}width='100' height='100'>{rect}").as_bytes(), &sized).unwrap();
     near(extents(&reading), [5.0, 20.0, 20.0, 40.0]);
     assert!(reading.facts.unit_why.contains("the settings give its size"), "{}", reading.facts.unit_why);
+}
+
+#[test]
+fn a_page_whose_size_cannot_be_read_is_refused() {
+    for (page, text) in [
+        ("width='40 furlong'", "40 furlong"),
+        ("width='40,5mm'", "40,5mm"),
+        ("height='2x'", "2x"),
+        ("width='calc(4cm)'", "calc(4cm)"),
+        ("width='50vw'", "50vw"),
+        ("width='0'", "is not a size: 0"),
+        ("width='-4mm'", "-4mm"),
+        ("width='40mm' style='width:40'", "has no unit, and CSS ignores it in a style: 40"),
+        ("width='40mm' style='height:min(2cm, 3cm)'", "min(2cm, 3cm)"),
+        ("width='40mm' style='max-width:20mm'", "20mm"),
+        ("width='40mm' style='min-height:30mm'", "30mm"),
+        ("width='40mm' class='a'", "svg:what"),
+        ("width='40mm' viewBox='0 0 40'", "0 0 40"),
+        ("width='40mm' viewBox='0 0 40 -20'", "0 0 40 -20"),
+    ] {
+        let view = if page.contains("viewBox") { "" } else { "viewBox='0 0 40 20'" };
+        let sheet = if page.contains("class") { "<style>svg:what{width:2mm}</style>" } else { "" };
+        let whole = format!("\n{HEAD}{page} {view}>{sheet}<rect width='30' height='10'/></svg>");
+        let reason = try_read(&whole).unwrap_err().reason();
+        assert!(reason.code == "svg-size" && reason.to_string().contains(text), "{page}: {reason}");
+        assert!(reason.to_string().contains("line 2"), "{reason}");
+        // A unit in the settings replaces the size.
+        if !page.contains("viewBox") {
+            let mut by_unit = PatternOptions::default();
+            by_unit.unit = Some(DrawingUnit::Millimetre);
+            near(extents(&read(whole.as_bytes(), &by_unit).unwrap()), [0.0, 10.0, 30.0, 20.0]);
+        }
+    }
+}
+
+#[test]
+fn lengths_have_the_units_of_css_or_are_refused() {
+    let pixel = 96.0 / 25.4;
+    for (content, expected) in [
+        ("<rect x='40Q' y='4' width='2' height='3'/>", [10.0 * pixel, 33.0, 10.0 * pixel + 2.0, 36.0]),
+        ("<rect x='1EM' y='4' width='2' height='3' font-size='5'/>", [5.0, 33.0, 7.0, 36.0]),
+        ("<g font-size='7'><rect x='1rem' y='4' width='2' height='3'/></g>", [16.0, 33.0, 18.0, 36.0]),
+        ("<style>:root{font-size:5px}</style><circle cx='2rem' cy='10' r='.4rem'/>", [8.0, 28.0, 12.0, 32.0]),
+        (
+            "<path id='a' d='M0 0h3v4h-3z' display='none'/><rect width='9' height='2' rx='auto'/>",
+            [0.0, 38.0, 9.0, 40.0],
+        ),
+        ("<defs><path id='a' d='M0 0h3v4h-3z'/></defs><use href='#a' x='1rem'/>", [16.0, 36.0, 19.0, 40.0]),
+        (
+            "<svg x='1rem' width='1e1' height='10'><rect width='50' height='5'/></svg>",
+            [16.0, 35.0, 26.0, 40.0],
+        ),
+    ] {
+        near(extents(&drawn(content)), expected);
+    }
+    let mark = "<path id='m' d='M0 0h3v4h-3z'/>";
+    for (content, name, text) in [
+        ("<rect id='x' x='5furlong' width='2' height='3'/>", "x", "5furlong"),
+        ("<rect id='x' x='10,5' width='2' height='3'/>", "x", "10,5"),
+        ("<rect id='x' x='4 mm' width='2' height='3'/>", "x", "4 mm"),
+        ("<rect id='x' width='calc(1px + 2px)' height='3'/>", "width", "calc(1px + 2px)"),
+        ("<rect id='x' style='width:calc(1px + 2px)' height='3'/>", "width", "calc(1px + 2px)"),
+        ("<rect id='x' style='width:3' height='3'/>", "width", "3"),
+        ("<rect id='x' width='2' height='3' rx='1vw'/>", "rx", "1vw"),
+        ("<circle id='x' cx='5furlong' r='3'/>", "cx", "5furlong"),
+        ("<circle id='x' r='3ch'/>", "r", "3ch"),
+        ("<ellipse id='x' rx='3' ry='1lh'/>", "ry", "1lh"),
+        ("<line id='x' x2='3x' stroke='red'/>", "x2", "3x"),
+        ("<use id='x' href='#m' y='2vh'/>", "y", "2vh"),
+        ("<svg id='x' width='2vmin'><rect width='2' height='3'/></svg>", "width", "2vmin"),
+        ("<svg id='x' viewBox='0 0 3'><rect width='2' height='3'/></svg>", "viewBox", "0 0 3"),
+        (
+            "<symbol id='s'><path d='M0 0h3v4h-3z'/></symbol><use id='x' href='#s' width='2vw'/>",
+            "width",
+            "2vw",
+        ),
+        ("<text id='x' x='1 2 3z'>abc</text>", "x", "3z"),
+        ("<text id='x' dy='1lh'>abc</text>", "dy", "1lh"),
+        ("<text id='x' font-size='5vw'>abc</text>", "font-size", "5vw"),
+        ("<path id='x' d='M0 0h9' stroke='red' stroke-width='calc(1px)'/>", "stroke-width", "calc(1px)"),
+        ("<path id='x' d='M0 0h9' stroke='red' stroke-dasharray='1 2x'/>", "stroke-dasharray", "1 2x"),
+        ("<path id='x' d='M0 0h9' stroke='red' stroke-dasharray='1 2' pathLength='0'/>", "pathLength", "0"),
+        ("<path id='x' style='d: path(\"M0 0h9v9z\")'/>", "d", "path("),
+        ("<polyline id='x' points='1 2 3 4 oops 5'/>", "points", ""),
+        ("<polygon id='x' points='1,5 2,5 3'/>", "points", ""),
+        ("<path id='x' d='M0 0h9v9 X'/>", "path data", ""),
+        ("<path id='x' d='M0 0h9v9h5v'/>", "path data", ""),
+    ] {
+        let reading = drawn(&format!("{mark}{content}"));
+        let listed: Vec<_> = reading.facts.skipped.iter().filter(|skipped| skipped.is_ink).collect();
+        assert_eq!(listed.len(), 1, "{content}: {:?}", reading.facts.skipped);
+        let why = &listed[0].why;
+        assert_eq!(listed[0].handle.as_deref(), Some("x"), "{content}");
+        assert!(why.contains(name) && why.contains(text), "{content}: {why}");
+        assert_eq!(reading.pattern.paths.len(), 1, "{content}");
+    }
+}
+
+#[test]
+fn a_drawing_of_which_nothing_can_be_read_names_the_element() {
+    let hidden = "<rect width='2' height='3' fill='none'/>";
+    let reason = try_read(&page(&format!("{hidden}\n<rect x='5furlong' width='2' height='3'/>")))
+        .unwrap_err()
+        .reason();
+    assert_eq!(reason.code, "pattern-nothing-to-mark");
+    let (ink, other) = reason.remedy.rsplit_once(";").unwrap();
+    assert!(ink.contains("its `x` of `5furlong`") && ink.contains("(rect in line 2)"), "{}", reason.remedy);
+    assert!(other.contains("neither fill nor stroke (rect in line 1)"), "{}", reason.remedy);
+}
+
+#[test]
+fn style_sheets_are_those_of_css() {
+    // Two rectangles; the sheet hides the second one or does not.
+    let shown = |sheet: &str| {
+        let content = format!(
+            "{sheet}<g id='g' class='layer one'><rect id='a' width='5' height='5'/>\
+             <rect id='guide1' class='k' x='20' width='5' height='5'/></g>"
+        );
+        let reading = drawn(&content);
+        assert!(
+            reading.facts.skipped.iter().all(|skipped| !skipped.is_ink),
+            "{sheet}: {:?}",
+            reading.facts.skipped
+        );
+        reading
+            .pattern
+            .paths
+            .iter()
+            .map(|path| path.source.handle.clone().unwrap())
+            .collect::<Vec<_>>()
+            .concat()
+    };
+    for sheet in [
+        "[id^=guide]{display:none}",
+        "[id$='1']{fill:none}",
+        "[id*=uid]{opacity:0}",
+        "rect:not(#a){visibility:hidden}",
+        "rect:nth-child(2){DISPLAY:NONE}",
+        "#a ~ rect{Fill:NONE}",
+        "g > :is(.k, .l){fill:none}",
+        "g:has(#a) > rect + rect{fill:none}",
+        "@media screen{.k{fill:none}}",
+        "@media not print{.k{fill:none}}",
+        "@layer x{.k{fill:none}}",
+        ":root{--ink:none} .k{fill:var(--ink)}",
+        ".k{fill:var(--other, none)}",
+        ".k{--a:none} #g{--a:red} rect{fill:var(--a)}",
+        "g{--a:none} #a{--a:red} rect{fill:var(--a)}",
+        "rect{fill:none} #a{fill:initial}",
+        "g{fill:none} #a{fill:red} .k{fill:inherit}",
+        "g{fill:none} #a{fill:red} .k{fill:red} .k{fill:unset}",
+        "g{fill:none} #a{fill:red} .k{fill:var(--nothing)}",
+        ".k{fill:none!important} #guide1{fill:red}",
+        "@layer x{.k{fill:none!important}} .k{fill:red!important}",
+        "/* .k{fill:red} */.k/**/.k{fill:none}",
+        ".k{fill:none;fill:nonsense}",
+        ".k{cursor:pointer;display:none}",
+        ".\\6b {fill:none}",
+        ".k{fill:rgb(0 0 0 / 0)}",
+        ".k{fill:RGBA(1, 2, 3, 0%)}",
+        ".k{fill:hsl(120deg 50% 50% / 0%)}",
+    ] {
+        assert_eq!(shown(&format!("<style>{sheet}</style>")), "a", "{sheet}");
+    }
+    assert_eq!(shown("<style media='screen' type='TEXT/CSS'>.k{fill:none}</style>"), "a");
+    for sheet in [
+        "@media print{.k{display:none}}",
+        "@media (prefers-color-scheme: dark){.k{fill:none}}",
+        "@layer x{#guide1{fill:none}} rect{fill:red}",
+        "@layer x, y; @layer y{rect{fill:red}} @layer x{#guide1{fill:none}}",
+        ".k{fill:none} .k{fill:initial}",
+        ".k:hover{display:none}",
+        ".k::before{display:none}",
+        ".k:nth-child(odd){fill:none}",
+        "@keyframes a{from{fill:none}} @font-face{font-family:x} @page{margin:0}",
+        ".K, #G > rect{fill:none}",
+        ":where(#guide1){fill:none} rect{fill:red}",
+        // What cannot be read, but changes nothing.
+        "rect:what{cursor:pointer;color-rendering:auto;font-family:x}",
+        "circle:what, text:what{fill:none}",
+        "@supports (fill:none){circle{fill:none}}",
+        "rect:what{fill:none} rect{fill:red!important}",
+        "rect{stroke-width:calc(1px + 2px)}",
+        "g:what{color:red}",
+        ".k{fill:undefined;stroke-dasharray:null;stroke-linecap:null}",
+        ".k{mix-blend-mode:multiply;animation:a 2s;transition:all 1s;-inkscape-stroke:none}",
+    ] {
+        assert_eq!(shown(&format!("<style>{sheet}</style>")), "aguide1", "{sheet}");
+    }
+    assert_eq!(shown("<style media='print'>.k{fill:none}</style>"), "aguide1");
+    assert_eq!(shown("<style type='text/less'>.k{fill:none}</style>"), "aguide1");
+}
+
+#[test]
+fn rules_that_cannot_be_evaluated_are_named() {
+    for (sheet, named) in [
+        ("rect:what{fill:none}", "rect:what"),
+        ("rect:what{transform:none}", "rect:what"),
+        ("rect:what{width:3px}", "rect:what"),
+        ("rect,,g{fill:none}", "rect,,g"),
+        ("@supports (fill:none){rect{fill:none}}", "supports (fill:none)"),
+        ("@media (min-width:9px){rect{visibility:hidden}}", "media (min-width:9px)"),
+        ("g{rect{fill:none}}", "`rect`"),
+        ("rect:what{--c:none} rect{fill:var(--c)}", "var(--c)"),
+        ("rect{--c:var(--d);--d:var(--c);fill:var(--c)}", "var(--c)"),
+        ("rect{fill:color-mix(in srgb, red, blue)}", "color-mix"),
+        ("rect{stroke:red;stroke-width:calc(1px)}", "stroke-width"),
+        ("g{opacity:calc(0)}", "calc(0)"),
+        ("rect{all:unset}", "all"),
+        ("rect{stroke:CanvasText}", "CanvasText"),
+        ("rect{fill:revert-layer}", "revert-layer"),
+        ("g{zoom:2}", "zoom"),
+    ] {
+        let content = format!(
+            "<style>{sheet}</style><path style='fill:red' d='M0 0h3v4h-3z'/><g><rect id='x' width='5' height='5'/></g>"
+        );
+        let reading = drawn(&content);
+        let listed: Vec<_> = reading.facts.skipped.iter().filter(|skipped| skipped.is_ink).collect();
+        assert!(listed.len() == 1 && listed[0].why.contains(named), "{sheet}: {:?}", reading.facts.skipped);
+        assert_eq!(reading.pattern.paths.len(), 1, "{sheet}");
+    }
+    let imported = drawn("<style>@import url(a.css);</style><rect width='5' height='5'/>");
+    let notice = imported.facts.notices.iter().find(|notice| notice.code == "svg-style").unwrap();
+    assert!(notice.message.contains("url(a.css)"), "{}", notice.message);
 }
 
 #[test]
@@ -354,6 +610,53 @@ fn dashes_are_cut_from_the_line() {
 }
 
 #[test]
+fn dashes_are_shares_of_a_stated_length() {
+    // A path of 40 mm that states a length of 10: dashes and gaps of 4 mm, from one of 2 mm on.
+    for shape in [
+        "path d='M10 20h40'",
+        "path d='M10 20h40' transform='translate(1 0)'",
+        "line x1='10' x2='50' y1='9' y2='9'",
+    ] {
+        let content = format!(
+            "<{shape} pathLength='10' stroke='black' stroke-width='1' stroke-dasharray='1 1' stroke-dashoffset='.5'/>"
+        );
+        for strokes in [Strokes::Center, Strokes::Band] {
+            let options = PatternOptions::default().with_strokes(strokes);
+            let reading = read(page(&content).as_bytes(), &options).unwrap();
+            let mut widths: Vec<f64> = reading
+                .pattern
+                .paths
+                .iter()
+                .map(|path| {
+                    let ends: Vec<f64> = path.shape.flattened(1e-3).iter().map(|point| point.x).collect();
+                    ends.iter().fold(f64::MIN, |a, b| a.max(*b))
+                        - ends.iter().fold(f64::MAX, |a, b| a.min(*b))
+                })
+                .collect();
+            widths.sort_by(f64::total_cmp);
+            let expected = [2.0, 2.0, 4.0, 4.0, 4.0, 4.0];
+            assert!(
+                widths.len() == 6 && widths.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3),
+                "{shape} {strokes:?}: {widths:?}"
+            );
+        }
+    }
+    // A circle of radius 5 in 8 parts: 4 dashes.
+    let circle = drawn(
+        "<circle cx='9' cy='9' r='5' pathLength='8' fill='none' stroke='red' stroke-dasharray='1' stroke-width='.1'/>",
+    );
+    let lengths = circle.pattern.paths.iter().map(|path| {
+        let points = path.shape.flattened(1e-5);
+        points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>()
+    });
+    let lengths: Vec<f64> = lengths.collect();
+    assert!(
+        lengths.len() == 4 && lengths.iter().all(|one| (one - PI * 10.0 / 8.0).abs() < 1e-2),
+        "{lengths:?}"
+    );
+}
+
+#[test]
 fn strokes_without_length_show_their_ends() {
     let dots = |cap: &str, content: &str, strokes: Strokes| {
         let content =
@@ -405,6 +708,7 @@ fn ink_that_cannot_be_marked_is_listed() {
         ("<mask id='m'/><g id='x' mask='url(#m)'><path d='M1 1h5v5z'/></g>", "g"),
         ("<path id='x' filter='url(#f)' d='M1 1h5v5z'/>", "path"),
         ("<text id='x'>\u{682a}</text>", "text"),
+        ("<path id='x' style='mask: linear-gradient(red, blue)' d='M1 1h5v5z'/>", "path"),
         ("<text id='x'><textPath href='#p'>abc</textPath></text>", "text"),
         ("<use id='x' href='other.svg#a'/>", "use"),
         ("<path id='x' d='M1 1 L 5 oops'/>", "path"),
@@ -602,12 +906,29 @@ fn bad_files_are_refused_with_a_place_and_a_remedy() {
             "pattern-out-of-range",
         ),
         (page("<circle cx='1' cy='1' r='1e308'/>"), "pattern-out-of-range"),
+        (page("<svg width='20' height='1e308'><path d='M1 1h5v5z'/></svg>"), "pattern-out-of-range"),
+        (page("<svg x='-1e300' viewBox='0 0 1e-300 1'><path d='M1 1h5v5z'/></svg>"), "pattern-out-of-range"),
+        (
+            page(
+                "<clipPath id='c'><path d='M1 1H1e300V5z'/></clipPath><path clip-path='url(#c)' d='M1 1h5v5z'/>",
+            ),
+            "pattern-out-of-range",
+        ),
         (page(""), "pattern-nothing-to-mark"),
         (page("<g id='a'><use href='#a'/></g>"), "pattern-nothing-to-mark"),
     ] {
         let reason = try_read(&text).unwrap_err().reason();
         assert_eq!(reason.code, code, "{} {:.200}", reason, text);
         assert!(!reason.remedy.is_empty());
+    }
+    let bands = PatternOptions::default().with_strokes(Strokes::Band);
+    for width in ["1e300", "1e9"] {
+        let wide = page(&format!("<path fill='none' stroke='red' stroke-width='{width}' d='M0 0L9 0L0 5'/>"));
+        let reason = read(wide.as_bytes(), &bands).unwrap_err().reason();
+        assert!(
+            reason.code == "pattern-out-of-range" && reason.to_string().contains("path in line 1"),
+            "{reason}"
+        );
     }
     // Deep, but allowed.
     assert_eq!(try_read(&deep(90)).unwrap().pattern.paths.len(), 1);

@@ -2085,12 +2085,25 @@ const CODES: &[Code] = &[
         "isomark marks the whole area or the whole line. It does not convert shades to dots (halftone).",
         "Check that the whole area may be marked, or draw the parts that must be marked.",
     ]),
+    reason([
+        "svg-size",
+        "The size of an SVG page cannot be read.",
+        "The outermost element has a `width`, `height` or `viewBox` that is not a size, such as `40 furlong` or `calc(4cm)`, or its \
+         style limits the size. Without it, the drawing would be marked at another size.",
+        "Export the drawing with its width and height in mm.",
+    ]),
     notice([
         "svg-strokes",
         "Strokes are marked along their centre lines.",
         "An SVG drawing shows a stroke as a band. A laser usually marks its centre line, so a wide stroke becomes a thin \
          line. The notice names the widest stroke.",
         "Set `strokes = \"band\"` under [pattern] (`--strokes band`) to mark strokes at their full width.",
+    ]),
+    notice([
+        "svg-style",
+        "Style sheets in other files are not read.",
+        "An SVG drawing refers to a style sheet in another file, often for a font. It may hide, show or change what is marked.",
+        "Check the marked lines. If they are not those of the drawing, export it as plain SVG.",
     ]),
     notice([
         "svg-transparent",

@@ -42,6 +42,18 @@ pub enum PatternReadError {
         /// What is wrong.
         what: String,
     },
+    /// The page of an SVG drawing has a size that cannot be read.
+    #[error("the `{what}` of the page {why}: {text}")]
+    SvgSize {
+        /// Where it is.
+        spot: Spot,
+        /// The attribute or property, such as `width`.
+        what: &'static str,
+        /// The text that it has, or why that is not known.
+        text: String,
+        /// What is wrong with it.
+        why: &'static str,
+    },
     /// A picture states no resolution, and the settings give no size.
     #[error("the picture of {} x {} pixels has no size in mm", pixels[0], pixels[1])]
     PictureWithoutSize {
@@ -247,6 +259,12 @@ impl PatternReadError {
             Self::SvgDamaged { spot, .. } => {
                 reason("svg-damaged", "Export the drawing again as plain SVG.").at(spot.place())
             }
+            Self::SvgSize { spot, .. } => reason(
+                "svg-size",
+                "Export the drawing with its width and height in mm and no other style of the page's size, or correct it in a text \
+                 editor: `width=\"40mm\" height=\"20mm\" viewBox=\"0 0 40 20\"`.",
+            )
+            .at(spot.place()),
             Self::Truncated { spot } | Self::SvgTruncated { spot } => reason(
                 "pattern-truncated",
                 "Copy or export the file again; the copy or export was probably interrupted.",

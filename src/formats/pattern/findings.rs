@@ -233,11 +233,17 @@ pub(super) fn only_without_font(skipped: &[Skipped]) -> Option<PatternReadError>
     })
 }
 
-/// The first reasons why entities were skipped.
+/// The first reasons why entities were skipped, each with the first entity; lost ink comes first.
 pub(super) fn reasons(skipped: &[Skipped]) -> String {
-    let reasons: std::collections::BTreeSet<&str> =
-        skipped.iter().map(|skipped| skipped.why.as_ref()).collect();
-    let first: Vec<&str> = reasons.into_iter().take(MAX_REASONS).collect();
+    let mut reasons: BTreeMap<(bool, &str), &Skipped> = BTreeMap::new();
+    for one in skipped {
+        reasons.entry((!one.is_ink, &one.why)).or_insert(one);
+    }
+    let named = |((_, why), one): ((bool, &str), &Skipped)| match &one.handle {
+        Some(handle) => format!("{why} ({} {handle})", one.entity),
+        None => format!("{why} ({})", one.entity),
+    };
+    let first: Vec<String> = reasons.into_iter().take(MAX_REASONS).map(named).collect();
     first.join("; ")
 }
 

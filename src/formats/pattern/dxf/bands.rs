@@ -10,6 +10,9 @@ use crate::geometry::space::FlatPoint;
 
 /// Largest distance of a mitred corner from the centreline, in half widths; sharper corners are bevelled.
 const MITRE_LIMIT: f64 = 4.0;
+/// Largest coordinate of bands whose overlaps are found, in the drawing's units: larger ones vanish between two steps of the
+/// grid for it, or overflow. They are out of range in every unit.
+const MAX_COORDINATE: f64 = 1e9;
 /// Number of chords per full turn for the edges of bands whose width changes along an arc.
 const TAPERED_CHORDS: f64 = 256.0;
 
@@ -119,7 +122,11 @@ fn covered(
             contour.iter().map(|point| [point.x, point.y]).collect()
         })
         .collect();
-    let shapes = contours.simplify_shape(FillRule::NonZero);
+    let is_sound = |value: &f64| value.abs() <= MAX_COORDINATE;
+    let shapes = match contours.iter().flatten().flatten().all(is_sound) {
+        true => contours.simplify_shape(FillRule::NonZero),
+        false => vec![contours],
+    };
     let point = |[x, y]: [f64; 2]| FlatPoint::new(x, y);
     Ok(shapes.into_iter().flatten().map(|contour| contour.into_iter().map(point).collect()).collect())
 }
@@ -287,6 +294,16 @@ mod tests {
         assert!(ring.len() == 2 && (area(&ring) - PI * (25.0 - 9.0)).abs() < 1e-3);
         let disc = band(&donut(8.0), true, 0.0);
         assert!(disc.len() == 1 && (area(&disc) - PI * 64.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_band_that_is_out_of_range_keeps_its_reach() {
+        for (far, width) in [(1e10, 1.0), (1e160, 1.0), (1e300, 1.0), (10.0, 1e300), (1e308, 1e308)] {
+            let corner = [(0.0, 0.0), (far, far), (0.9 * far, 0.0)].map(|(x, y)| wide(x, y, 0.0, [width; 2]));
+            let band = band(&corner, false, 0.0);
+            let reach = band.iter().flat_map(|curve| &curve.segments).map(SpaceSegment::reach);
+            assert!(reach.fold(0.0, f64::max) > 1e9, "{far} {width}");
+        }
     }
 
     #[test]

@@ -14,6 +14,8 @@ use crate::geometry::space::{Extents, FlatPoint};
 
 /// Largest distance between a curve and the polygon that replaces it, mm: far below the accuracy of a laser.
 pub(super) const TOLERANCE: f64 = 5e-4;
+/// Largest coordinate, mm: ten kilometres.
+pub(super) const MAX_COORDINATE: f64 = 1e7;
 /// Length of a dash that is as good as none, for strokes 1 wide: it gives the ends of the dash a direction.
 pub(super) const LEAST_DASH: f64 = 1e-4;
 /// Two areas with the same outline differ at most by a band of this width, mm, which is rounding.
@@ -23,11 +25,26 @@ const MAX_CROSSINGS: usize = 1_000_000;
 /// Number of steps of the budget for each corner of a polygon.
 const STEPS_OF_CORNER: usize = 16;
 
+/// Why areas cannot be united or cut.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Unworkable {
+    /// They need too much work.
+    Exceeded,
+    /// They reach this far from the origin, mm.
+    OutOfRange(f64),
+}
+
+impl From<Exceeded> for Unworkable {
+    fn from(Exceeded: Exceeded) -> Self {
+        Self::Exceeded
+    }
+}
+
 /// Contours of polygons, mm. Those that [`united`] makes do not cross; holes have the opposite orientation.
 pub(super) type Polygons = Vec<Vec<[f64; 2]>>;
 
 /// The polygons of closed shapes.
-pub(super) fn flattened(shapes: &[Shape], budget: &mut Budget) -> Result<Polygons, Exceeded> {
+pub(super) fn flattened(shapes: &[Shape], budget: &mut Budget) -> Result<Polygons, Unworkable> {
     let mut polygons = Vec::with_capacity(shapes.len());
     for shape in shapes {
         let count: usize = shape.segments().iter().map(|segment| segment.steps(TOLERANCE)).sum();
@@ -38,8 +55,12 @@ pub(super) fn flattened(shapes: &[Shape], budget: &mut Budget) -> Result<Polygon
 }
 
 /// The area that the polygons cover by the rule.
-pub(super) fn united(polygons: &Polygons, rule: FillRule, budget: &mut Budget) -> Result<Polygons, Exceeded> {
-    check_crossings(polygons, budget)?;
+pub(super) fn united(
+    polygons: &Polygons,
+    rule: FillRule,
+    budget: &mut Budget,
+) -> Result<Polygons, Unworkable> {
+    check(polygons, budget)?;
     Ok(polygons.simplify_shape(rule).into_iter().flatten().collect())
 }
 
@@ -48,16 +69,20 @@ pub(super) fn intersection(
     area: &Polygons,
     clip: &Polygons,
     budget: &mut Budget,
-) -> Result<Polygons, Exceeded> {
+) -> Result<Polygons, Unworkable> {
     let both: Polygons = area.iter().chain(clip).cloned().collect();
-    check_crossings(&both, budget)?;
+    check(&both, budget)?;
     Ok(area.overlay(clip, OverlayRule::Intersect, FillRule::NonZero).into_iter().flatten().collect())
 }
 
 /// The parts of lines inside an area.
-pub(super) fn clipped(lines: &Polygons, clip: &Polygons, budget: &mut Budget) -> Result<Polygons, Exceeded> {
+pub(super) fn clipped(
+    lines: &Polygons,
+    clip: &Polygons,
+    budget: &mut Budget,
+) -> Result<Polygons, Unworkable> {
     let both: Polygons = lines.iter().chain(clip).cloned().collect();
-    check_crossings(&both, budget)?;
+    check(&both, budget)?;
     let rule = ClipRule { invert: false, boundary_included: true };
     Ok(lines.clip_by(clip, FillRule::NonZero, rule))
 }
@@ -121,8 +146,15 @@ pub(super) fn shapes(polygons: Polygons, closed: bool) -> Vec<Shape> {
     with_corners.map(shape).collect()
 }
 
-/// Refuses polygons whose edges may cross too often: every crossing needs memory.
-fn check_crossings(polygons: &Polygons, budget: &mut Budget) -> Result<(), Exceeded> {
+/// Refuses polygons that reach too far, whose coordinates lose their accuracy or overflow, and those whose edges may cross too
+/// often: every crossing needs memory.
+fn check(polygons: &Polygons, budget: &mut Budget) -> Result<(), Unworkable> {
+    let reach = polygons.iter().flatten().flatten().map(|value| value.abs());
+    // The larger one of a number and one that is none is the number.
+    let reach = reach.fold(0.0, |most: f64, one| if one.is_finite() { most.max(one) } else { f64::INFINITY });
+    if reach > MAX_COORDINATE {
+        return Err(Unworkable::OutOfRange(reach));
+    }
     let mut edges: Vec<[f64; 4]> = Vec::new();
     for contour in polygons {
         for (a, b) in contour.iter().zip(contour.iter().cycle().skip(1)) {
@@ -142,7 +174,7 @@ fn check_crossings(polygons: &Polygons, budget: &mut Budget) -> Result<(), Excee
         budget.work(looked)?;
         crossings += crossed;
         if crossings > MAX_CROSSINGS {
-            return Err(Exceeded);
+            return Err(Unworkable::Exceeded);
         }
     }
     Ok(())
@@ -243,7 +275,7 @@ pub(super) fn band(
     to_mm: &Affine,
     tolerance: f64,
     budget: &mut Budget,
-) -> Result<Polygons, Exceeded> {
+) -> Result<Polygons, Unworkable> {
     // A stroke without length shows only its ends.
     let half = stroke.width * LEAST_DASH / 2.0;
     let drawn: Vec<Shape> = shapes
@@ -282,7 +314,6 @@ pub(super) fn band(
         _ => {}
     });
     budget.work(count * STEPS_OF_CORNER)?;
-    let is_finite = |polygon: &Vec<[f64; 2]>| polygon.iter().flatten().all(|value| value.is_finite());
-    polygons.retain(|polygon| polygon.len() > 2 && is_finite(polygon));
+    polygons.retain(|polygon| polygon.len() > 2);
     united(&polygons, FillRule::NonZero, budget)
 }

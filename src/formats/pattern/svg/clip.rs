@@ -42,9 +42,10 @@ impl<'a, 'd> Walk<'a, 'd> {
         let Ok(own) = place::own(&style, context.viewport) else {
             return Ok(Err("the transform of its clip path cannot be read".into()));
         };
-        let unread =
-            || Ok(Err("its clip path contains more than shapes: cut it in the drawing program".into()));
-        if style.clip.is_some() {
+        let unread = || {
+            Ok(Err("its clip path contains more than shapes, or shapes that cannot be read: cut it in the drawing program".into()))
+        };
+        if style.clip.is_some() || style.is_clip_unread() {
             return unread();
         }
         let map = own.map_or(context.map, |own| context.map.after(&own));
@@ -59,12 +60,16 @@ impl<'a, 'd> Walk<'a, 'd> {
             if child.tag_name().name() == "use" {
                 // Inkscape clips with copies of shapes.
                 let style = self.style(child, &outer)?;
-                let [x, y] = ["x", "y"].map(|name| self.length(child, name, 0.0, &outer).unwrap_or(0.0));
+                let [x, y] = ["x", "y"].map(|name| self.length(child, name, 0.0, &outer));
+                let (Ok(x), Ok(y)) = (x, y) else { return unread() };
+                let (x, y) = (x.unwrap_or(0.0), y.unwrap_or(0.0));
                 let own = place::own(&style, outer.viewport);
                 let link = child.attributes().find(|attribute| attribute.name() == "href");
                 let target =
                     link.and_then(|link| self.ids.get(link.value().trim().strip_prefix('#')?).copied());
-                let (Ok(own), Some(target)) = (own, target) else { return unread() };
+                let (Ok(own), Some(target), false) = (own, target, style.is_clip_unread()) else {
+                    return unread();
+                };
                 let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
                 map = own.map_or(map, |own| map.after(&own)).after(&shift);
                 outer = Context { style, ..outer };
@@ -72,7 +77,8 @@ impl<'a, 'd> Walk<'a, 'd> {
             }
             let style = self.style(child, &outer)?;
             let own = place::own(&style, outer.viewport);
-            let (Ok(own), None, false) = (own, &style.clip, style.has_css_clip) else { return unread() };
+            let is_unread = style.has_css_clip || style.is_clip_unread();
+            let (Ok(own), None, false) = (own, &style.clip, is_unread) else { return unread() };
             if !matches!(
                 child.tag_name().name(),
                 "path" | "rect" | "circle" | "ellipse" | "polyline" | "polygon" | "line"

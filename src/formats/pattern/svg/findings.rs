@@ -96,6 +96,16 @@ pub(super) fn look_notices(remarks: &Remarks, strokes: Strokes, facts: &mut Patt
     }
 }
 
+/// The notice about style sheets in other files.
+pub(super) fn imports_notice(imports: &[String]) -> Option<Notice> {
+    let message = format!(
+        "{} not read (first: {}); if one of them hides or changes what is marked, export the drawing as plain SVG",
+        counted(imports.len(), "style sheet in another file is", "style sheets in other files are"),
+        imports.first()?
+    );
+    Some(Notice::warning("svg-style", message))
+}
+
 /// The error for a drawing without paths, with the most likely cause.
 pub(super) fn nothing_to_mark(Drawn { skipped, remarks, .. }: &Drawn) -> PatternReadError {
     if let (Some(_), []) = (&remarks.ground, skipped.as_slice()) {

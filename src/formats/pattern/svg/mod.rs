@@ -7,28 +7,35 @@
 //! Every element that draws something becomes paths or is listed as skipped. Arcs, circles and ellipses stay exact.
 
 mod clip;
+mod css;
 mod document;
+mod length;
 mod outline;
 mod style;
 mod area;
 mod page;
 mod place;
+mod selector;
+mod syntax;
 mod text;
+mod variables;
 mod walk;
 mod findings;
 
 pub(super) use document::{is_complete, is_svg};
 
+use nalgebra::Vector2;
+
 use super::budget::Budget;
-use super::error::PatternReadError;
+use super::error::{PatternReadError, Spot};
 use super::facts::PatternFacts;
 use super::findings as shared;
 use super::reading::{PatternOptions, PatternReading, size_notice};
 use crate::geometry::contour;
 use crate::geometry::pattern::{Layer, Pattern};
 use document::Lines;
-use style::Sheets;
-use walk::{LAYER_COLOR, Walk};
+use style::{Sheets, Style};
+use walk::{LAYER_COLOR, NO_LAYER, Walk};
 
 pub(super) fn read(bytes: &[u8], options: &PatternOptions) -> Result<PatternReading, PatternReadError> {
     let mut budget = Budget::new(options.pace);
@@ -45,10 +52,22 @@ fn read_within(
     let document = document::parsed(bytes, &text)?;
     let root = document.root_element();
     let producer = page::producer(&document);
-    let page = page::page(root, producer.as_deref(), options);
-
     let sheets = Sheets::of(&document);
-    let mut walk = Walk::new(root, sheets, Lines::of(&text), budget, options.strokes, page.pixel, text::draw);
+    let lines = Lines::of(&text);
+    let style = sheets
+        .style(root, &Style::default(), Vector2::zeros())
+        .map_err(|too_many| too_many.at(lines.name(root, NO_LAYER)))?;
+    let page = page::page(root, &style, producer.as_deref(), options).map_err(
+        |page::Unread { what, text, why }| PatternReadError::SvgSize {
+            spot: Spot::Line(lines.line(root)),
+            what,
+            text,
+            why,
+        },
+    )?;
+    let imports = findings::imports_notice(sheets.imports());
+
+    let mut walk = Walk::new(root, sheets, lines, budget, options.strokes, page.pixel, text::draw);
     walk.hairline = options.hairline;
     walk.content = options.content.as_ref();
     walk.shown = Some(page.shown).filter(|_| !options.strict);
@@ -90,6 +109,7 @@ fn read_within(
         picture: None,
     };
     facts.notices.extend(size_notice(&facts));
+    facts.notices.extend(imports);
     shared::text_notices(drawn.remarks.texts.iter(), &mut facts);
     findings::look_notices(&drawn.remarks, options.strokes, &mut facts);
     facts.notices.extend(shared::hairline_notice(drawn.remarks.hairlines.as_ref(), options.hairline));

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::Vector2;
-use svgtypes::{PathParser, PathSegment, PointsParser};
+use svgtypes::{NumberListParser, PathParser, PathSegment};
 
 use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::FlatPoint;
@@ -229,18 +229,23 @@ pub(super) fn rectangle(corner: FlatPoint, size: Vector2<f64>, radii: [f64; 2]) 
     Some(Shape::Closed(segments))
 }
 
-/// The corners of a polyline or polygon; a last coordinate without a partner is ignored, as SVG requires.
-pub(super) fn polyline(points: &str, closed: bool) -> Option<Shape> {
+/// The corners of a polyline or polygon, or why they cannot be read.
+pub(super) fn polyline(points: &str, closed: bool) -> Result<Option<Shape>, String> {
     let mut pen = Pen::default();
-    for (index, (x, y)) in PointsParser::from(points).enumerate() {
-        let point = FlatPoint::new(x, y);
+    let numbers: Vec<f64> =
+        NumberListParser::from(points).collect::<Result<_, _>>().map_err(|error| error.to_string())?;
+    let (corners, []) = numbers.as_chunks::<2>() else {
+        return Err("the last of them has no second coordinate".into());
+    };
+    for (index, [x, y]) in corners.iter().enumerate() {
+        let point = FlatPoint::new(*x, *y);
         if index == 0 { pen.move_to(point) } else { pen.line_to(point) }
     }
     match closed {
         true => pen.close(),
         false => pen.finish(false),
     }
-    pen.done.pop()
+    Ok(pen.done.pop())
 }
 
 /// A straight line.

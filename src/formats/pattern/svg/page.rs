@@ -4,11 +4,12 @@ use std::str::FromStr;
 
 use nalgebra::{Matrix2, Vector2};
 use roxmltree::{Document, Node, NodeType};
-use svgtypes::{Align, AspectRatio, Length, LengthUnit, ViewBox};
+use svgtypes::{Align, AspectRatio, ViewBox};
 
 use super::super::PatternOptions;
 use super::super::units::DrawingUnit;
-use super::style::user_units;
+use super::length::{Length, Unit};
+use super::style::Style;
 use crate::geometry::pattern::Affine;
 use crate::geometry::space::{Extents, FlatPoint};
 use crate::reason::Notice;
@@ -32,16 +33,90 @@ pub(super) struct Page {
     pub(super) notices: Vec<Notice>,
 }
 
-/// How many mm a length is, and whether it depends on the size of a pixel.
-fn in_mm(length: Length, pixel: f64) -> Option<(f64, bool)> {
-    let absolute = user_units(length, 16.0, 0.0) * DrawingUnit::Pixel96.in_mm();
-    let found = match length.unit {
-        LengthUnit::Percent => return None,
-        LengthUnit::None => (length.number * pixel, true),
-        LengthUnit::Px | LengthUnit::Em | LengthUnit::Ex => (absolute, true),
-        _ => (absolute, false),
-    };
-    (found.0.is_finite() && found.0 > 0.0).then_some(found)
+/// A property of the page that cannot be read.
+#[derive(Debug)]
+pub(super) struct Unread {
+    pub(super) what: &'static str,
+    pub(super) text: String,
+    /// What is wrong with it, as the end of a sentence.
+    pub(super) why: &'static str,
+}
+
+impl Unread {
+    fn new(what: &'static str, text: &str, why: &'static str) -> Self {
+        Self { what, text: text.chars().take(100).collect(), why }
+    }
+
+    /// A rule that may set it; `why` names the rule.
+    fn uncertain(what: &'static str, why: &str) -> Self {
+        Self { text: why.to_owned(), ..Self::new(what, "", "is not certain") }
+    }
+}
+
+/// How many mm a length is, and whether it depends on the size of a pixel; `None` for a share of the window.
+fn in_mm(length: Length, style: &Style, pixel: f64) -> Option<(f64, bool)> {
+    let absolute = length.user_units(style.scale(0.0)) * DrawingUnit::Pixel96.in_mm();
+    match length.unit {
+        Unit::Percent => None,
+        Unit::None => Some((length.number * pixel, true)),
+        Unit::Px | Unit::Em | Unit::Ex | Unit::Rem => Some((absolute, true)),
+        _ => Some((absolute, false)),
+    }
+}
+
+/// The width or height of the page, as style or attribute, which must be a size. Words such as `auto` state none, and a share of the
+/// window in a style states less than the attribute.
+fn side(root: Node<'_, '_>, style: &Style, what: &'static str) -> Result<Option<Length>, Unread> {
+    const NO_SIZE: &str = "is not a size";
+    let is_word = |text: &str| text.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-');
+    if let Some(why) = style.unread_geometry(what) {
+        return Err(Unread::uncertain(what, why));
+    }
+    let mut found = None;
+    if let Some(text) = style.geometry(what).filter(|text| !is_word(text)) {
+        let length = Length::parsed(text).filter(is_size).ok_or(Unread::new(what, text, NO_SIZE))?;
+        if length.unit == Unit::None {
+            return Err(Unread::new(what, text, "has no unit, and CSS ignores it in a style"));
+        }
+        found = Some(length);
+    }
+    if found.is_none_or(|length| length.unit == Unit::Percent)
+        && let Some(text) =
+            root.attribute(what).map(str::trim).filter(|text| !text.is_empty() && *text != "auto")
+    {
+        // Some programs write `40 mm`, which can mean nothing else.
+        let unit = text.trim_end_matches(|letter: char| letter.is_ascii_alphabetic() || letter == '%').len();
+        let joined = format!("{}{}", text[..unit].trim_end(), &text[unit..]);
+        found = Some(Length::parsed(&joined).filter(is_size).ok_or(Unread::new(what, text, NO_SIZE))?);
+    }
+    Ok(found)
+}
+
+fn is_size(length: &Length) -> bool {
+    length.number > 0.0
+}
+
+/// Refuses limits of the page's size in a style that change it.
+fn check_limits(style: &Style, own: Vector2<f64>) -> Result<(), Unread> {
+    const LIMITS: [(&str, usize, bool); 4] =
+        [("min-width", 0, false), ("max-width", 0, true), ("min-height", 1, false), ("max-height", 1, true)];
+    for (what, axis, is_largest) in LIMITS {
+        if let Some(why) = style.unread_geometry(what) {
+            return Err(Unread::uncertain(what, why));
+        }
+        let Some(text) = style.geometry(what) else { continue };
+        let Some(length) = Length::parsed(text) else { continue };
+        let Some((limit, _)) = in_mm(length, style, DrawingUnit::Pixel96.in_mm()) else { continue };
+        let is_changed = if is_largest { limit < own[axis] } else { limit > own[axis] };
+        if is_changed && length.unit != Unit::None {
+            return Err(Unread::new(
+                what,
+                text,
+                "changes the size of the page in a browser and not elsewhere",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The `viewBox` of an element, if it has a valid one.
@@ -79,19 +154,28 @@ pub(super) fn fitted(node: Node<'_, '_>, view: ViewBox, size: Vector2<f64>) -> A
 }
 
 /// The page of a drawing by a producer.
-pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &PatternOptions) -> Page {
+pub(super) fn page(
+    root: Node<'_, '_>,
+    style: &Style,
+    producer: Option<&str>,
+    options: &PatternOptions,
+) -> Result<Page, Unread> {
     let view = view_box(root);
-    let attribute = |name| root.attribute(name).and_then(|value: &str| Length::from_str(value.trim()).ok());
-    let (width, height) = (attribute("width"), attribute("height"));
+    let view_text = root.attribute("viewBox").filter(|text| !text.trim().is_empty());
+    if let (None, Some(text)) = (view, view_text) {
+        return Err(Unread::new("viewBox", text, "is not a position and a size"));
+    }
+    let is_by_unit = options.unit.is_some() && view.is_some();
+    let (width, height) = match is_by_unit {
+        true => (None, None),
+        false => (side(root, style, "width")?, side(root, style, "height")?),
+    };
     let mut notices = Vec::new();
 
     let unitless = options.unit.or(options.unit_if_unitless);
     let pixel = unitless.map_or(DrawingUnit::Pixel96.in_mm(), DrawingUnit::in_mm);
-    let (mut given_width, mut given_height) =
-        (width.and_then(|length| in_mm(length, pixel)), height.and_then(|length| in_mm(length, pixel)));
-    if options.unit.is_some() && view.is_some() {
-        (given_width, given_height) = (None, None);
-    }
+    let [given_width, given_height] =
+        [width, height].map(|side| side.and_then(|length| in_mm(length, style, pixel)));
     let in_pixels =
         [given_width, given_height].iter().flatten().next().is_none_or(|(_, of_pixels)| *of_pixels);
     let own = match (given_width, given_height, view) {
@@ -104,6 +188,9 @@ pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &Pattern
             height.map_or(DEFAULT_SIZE[1] * pixel, |(height, _)| height),
         ),
     };
+    if !is_by_unit {
+        check_limits(style, own)?;
+    }
     // Units along x and y of the page before the settings stretch it.
     let user = view.map_or_else(
         || Affine {
@@ -133,11 +220,11 @@ pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &Pattern
     }
 
     let sign = |length: Option<Length>| match length.map(|length| length.unit) {
-        Some(LengthUnit::Mm) => DrawingUnit::Millimetre,
-        Some(LengthUnit::Cm) => DrawingUnit::Centimetre,
-        Some(LengthUnit::In) => DrawingUnit::Inch,
-        Some(LengthUnit::Pt | LengthUnit::Pc) => DrawingUnit::Point72,
-        Some(LengthUnit::None) | None => unitless.unwrap_or(DrawingUnit::Pixel96),
+        Some(Unit::Mm | Unit::Quarter) => DrawingUnit::Millimetre,
+        Some(Unit::Cm) => DrawingUnit::Centimetre,
+        Some(Unit::In) => DrawingUnit::Inch,
+        Some(Unit::Pt | Unit::Pc) => DrawingUnit::Point72,
+        Some(Unit::None) | None => unitless.unwrap_or(DrawingUnit::Pixel96),
         _ => DrawingUnit::Pixel96,
     };
     let named = if given_width.is_some() { width } else { height.filter(|_| given_height.is_some()) };
@@ -146,7 +233,7 @@ pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &Pattern
     let why = match (is_scaled, in_pixels, unitless, named) {
         (true, ..) => format!("{page} because the settings give its size"),
         (false, false, ..) => format!("{page} by its width and height"),
-        (false, true, Some(unit), None | Some(Length { unit: LengthUnit::None, .. })) => {
+        (false, true, Some(unit), None | Some(Length { unit: Unit::None, .. })) => {
             format!("{page}: the file states no unit, and the settings set {unit}")
         }
         (false, true, _, Some(_)) => format!("{page}: its width and height are in pixels of 1/96 inch"),
@@ -177,7 +264,7 @@ pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &Pattern
         let seen = Extents::of(corners.map(|[x, y]| to_mm.point(FlatPoint::new(x, y)).coords()));
         shown = Extents { min: shown.min.sup(&seen.min), max: shown.max.inf(&seen.max) };
     }
-    Page {
+    Ok(Page {
         to_mm,
         viewport,
         shown,
@@ -185,14 +272,13 @@ pub(super) fn page(root: Node<'_, '_>, producer: Option<&str>, options: &Pattern
         unit,
         why,
         notices,
-    }
+    })
 }
 
 /// The size of a user unit of a page without `viewBox`, mm: a pixel, or the unit that the settings give to numbers without
 /// one.
 fn pixel_of(sides: &[Option<Length>; 2], pixel: f64) -> f64 {
-    let has_unit =
-        sides.iter().flatten().any(|side| side.unit != LengthUnit::None && side.unit != LengthUnit::Percent);
+    let has_unit = sides.iter().flatten().any(|side| side.unit != Unit::None && side.unit != Unit::Percent);
     if has_unit { DrawingUnit::Pixel96.in_mm() } else { pixel }
 }
 

@@ -1,11 +1,8 @@
 //! Where elements are: transforms with their origin (SVG 1.1, chapter 7; CSS Transforms Level 1).
 
-use std::str::FromStr;
-
 use nalgebra::{Matrix2, Vector2};
-use svgtypes::Length;
 
-use super::style::{Style, user_units};
+use super::style::Style;
 use crate::geometry::pattern::Affine;
 
 /// The map of an element with a style inside a viewport, or the reason why it cannot be read.
@@ -28,7 +25,7 @@ pub(super) fn own(style: &Style, viewport: Vector2<f64>) -> Result<Option<Affine
     if style.has_own_box {
         return Err(RELATIVE);
     }
-    let origin = origin_of(origin, style.font_size, viewport)
+    let origin = origin_of(origin, style, viewport)
         .ok_or("its `transform-origin` cannot be read: export the drawing again")?;
     let shift = |offset: Vector2<f64>| Affine { linear: Matrix2::identity(), offset };
     Ok(Some(shift(origin).after(&map).after(&shift(-origin))))
@@ -48,7 +45,7 @@ fn transform(text: &str) -> Option<Affine> {
 }
 
 /// The point that `transform-origin` names, in user units.
-fn origin_of(text: &str, font_size: f64, viewport: Vector2<f64>) -> Option<Vector2<f64>> {
+fn origin_of(text: &str, style: &Style, viewport: Vector2<f64>) -> Option<Vector2<f64>> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let is_vertical = |word: &&str| matches!(*word, "top" | "bottom");
     let is_horizontal = |word: &&str| matches!(*word, "left" | "right");
@@ -65,7 +62,7 @@ fn origin_of(text: &str, font_size: f64, viewport: Vector2<f64>) -> Option<Vecto
         "left" | "top" => Some(0.0),
         "center" => Some(whole / 2.0),
         "right" | "bottom" => Some(whole),
-        length => Length::from_str(length).ok().map(|length| user_units(length, font_size, whole)),
+        length => style.length(length, whole),
     };
     Some(Vector2::new(along(x, viewport.x)?, along(y, viewport.y)?))
 }

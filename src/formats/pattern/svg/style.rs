@@ -1,18 +1,23 @@
 //! The properties of elements: attributes, style sheets and inheritance (SVG 1.1, chapter 6).
 
-use std::cell::Cell;
+use std::borrow::Cow;
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::str::FromStr;
 
 use i_overlay::core::fill_rule::FillRule;
 use kurbo::{Cap, Join};
 use nalgebra::Vector2;
-use roxmltree::{Document, Node};
-use simplecss::{AttributeOperator, DeclarationTokenizer, Element, PseudoClass, StyleSheet};
-use svgtypes::{Length, LengthUnit};
+use roxmltree::{Document, Node, NodeType};
 
-/// Largest number of steps for matching the selectors of style sheets.
-const MAX_STEPS: usize = 20_000_000;
+use super::super::error::{EntityName, PatternReadError};
+use super::css::{self, Sheet};
+use super::length::{Length, Scale, Unit, number_of};
+use super::selector::Steps;
+use super::syntax::Truth;
+use super::variables::{Variables, resolved};
+
 /// Default size of letters: `medium`, in user units.
 const FONT_SIZE: f64 = 16.0;
 
@@ -72,6 +77,12 @@ pub(super) struct Style {
     /// How far the letters are above the line, in user units.
     pub(super) raised: f64,
     dominant_baseline: Baseline,
+    /// Size of the letters of the outermost element.
+    root_font_size: f64,
+    /// Custom properties.
+    variables: Rc<Variables>,
+    /// Properties that could not be read, with the reasons; some are of the element itself.
+    unread: Rc<BTreeMap<String, String>>,
     // Of the element itself.
     pub(super) opacity: f64,
     pub(super) displayed: bool,
@@ -156,6 +167,9 @@ impl Default for Style {
             decorations: Rc::new([]),
             raised: 0.0,
             dominant_baseline: Baseline::Alphabetic,
+            root_font_size: FONT_SIZE,
+            variables: Rc::default(),
+            unread: Rc::default(),
             opacity: 1.0,
             displayed: true,
             clip: None,
@@ -174,42 +188,177 @@ impl Default for Style {
     }
 }
 
-/// A length in user units. `whole` is what 100 % is.
-pub(super) fn user_units(length: Length, font_size: f64, whole: f64) -> f64 {
-    length.number
-        * match length.unit {
-            LengthUnit::None | LengthUnit::Px => 1.0,
-            LengthUnit::Em => font_size,
-            LengthUnit::Ex => font_size / 2.0,
-            LengthUnit::In => 96.0,
-            LengthUnit::Cm => 96.0 / 2.54,
-            LengthUnit::Mm => 96.0 / 25.4,
-            LengthUnit::Pt => 96.0 / 72.0,
-            LengthUnit::Pc => 16.0,
-            LengthUnit::Percent => whole / 100.0,
+/// What a property has an effect on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Areas and strokes; children inherit it.
+    Paint,
+    /// Texts; children inherit it.
+    Text,
+    /// Texts, and only the element itself.
+    OwnText,
+    /// The element itself with all that is inside.
+    Own,
+    /// The size or position of the element itself, if it has one.
+    Geometry,
+}
+
+impl Kind {
+    fn is_inherited(self) -> bool {
+        matches!(self, Self::Paint | Self::Text)
+    }
+}
+
+/// What a property has an effect on; nothing if it cannot change a mark.
+fn kind(name: &str) -> Option<Kind> {
+    Some(match name {
+        "fill" | "fill-opacity" | "fill-rule" | "clip-rule" | "stroke" | "stroke-opacity"
+        | "stroke-width" | "stroke-dasharray" | "stroke-dashoffset" | "stroke-linecap"
+        | "stroke-linejoin" | "stroke-miterlimit" | "visibility" | "color" | "marker" | "marker-start"
+        | "marker-mid" | "marker-end" => Kind::Paint,
+        "font" | "font-size" | "text-anchor" | "letter-spacing" | "word-spacing" | "text-transform"
+        | "font-variant" | "font-variant-caps" | "white-space" | "writing-mode" | "dominant-baseline" => {
+            Kind::Text
         }
+        "baseline-shift" | "alignment-baseline" | "text-decoration" | "text-decoration-line" => Kind::OwnText,
+        "opacity" | "display" | "clip-path" | "mask" | "mask-image" | "filter" | "transform"
+        | "transform-origin" | "transform-box" | "translate" | "rotate" | "scale" | "offset"
+        | "offset-path" | "overflow" | "vector-effect" | "zoom" | "all" => Kind::Own,
+        name if GEOMETRY.contains(&name) => Kind::Geometry,
+        _ => return None,
+    })
+}
+
+/// Sizes and positions that CSS may give.
+const GEOMETRY: [&str; 14] = [
+    "cx",
+    "cy",
+    "r",
+    "rx",
+    "ry",
+    "x",
+    "y",
+    "width",
+    "height",
+    "d",
+    "min-width",
+    "max-width",
+    "min-height",
+    "max-height",
+];
+
+/// What became of a declaration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Outcome {
+    Done,
+    /// No value of this property: every program ignores it.
+    Ignored,
+    /// It may have a meaning, but is not read.
+    Unread,
+}
+
+/// The outcome of a value that is not read: single words are all known, others may be functions or units that are not.
+fn unless_word(value: &str) -> Outcome {
+    let is_word = value.chars().all(|letter| letter.is_ascii_alphabetic() || letter == '-');
+    let is_color = SYSTEM_COLORS.iter().any(|name| name.eq_ignore_ascii_case(value));
+    if is_word && !is_color { Outcome::Ignored } else { Outcome::Unread }
+}
+
+/// Colours of the computer that shows a drawing (CSS Color Level 4, chapter 10 and appendix A).
+const SYSTEM_COLORS: [&str; 42] = [
+    "AccentColor",
+    "AccentColorText",
+    "ActiveText",
+    "ButtonBorder",
+    "ButtonFace",
+    "ButtonText",
+    "Canvas",
+    "CanvasText",
+    "Field",
+    "FieldText",
+    "GrayText",
+    "Highlight",
+    "HighlightText",
+    "LinkText",
+    "Mark",
+    "MarkText",
+    "SelectedItem",
+    "SelectedItemText",
+    "VisitedText",
+    "ActiveBorder",
+    "ActiveCaption",
+    "AppWorkspace",
+    "Background",
+    "ButtonHighlight",
+    "ButtonShadow",
+    "CaptionText",
+    "InactiveBorder",
+    "InactiveCaption",
+    "InactiveCaptionText",
+    "InfoBackground",
+    "InfoText",
+    "Menu",
+    "MenuText",
+    "Scrollbar",
+    "ThreeDDarkShadow",
+    "ThreeDFace",
+    "ThreeDHighlight",
+    "ThreeDLightShadow",
+    "ThreeDShadow",
+    "Window",
+    "WindowFrame",
+    "WindowText",
+];
+
+/// A declaration of an element, from its attributes, a style sheet, or its attribute `style`.
+struct Given<'s> {
+    name: &'s str,
+    value: &'s str,
+    is_css: bool,
+    /// The rule of the declaration, if it is not known whether it is one for the element.
+    uncertain: Option<&'s str>,
 }
 
 /// The sheets of a drawing.
-pub(super) struct Sheets<'d> {
-    sheet: StyleSheet<'d>,
-    steps: Cell<usize>,
+pub(super) struct Sheets {
+    sheet: Sheet,
+    steps: Steps,
 }
 
 /// Matching the selectors takes too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct TooManySelectors;
 
-impl<'d> Sheets<'d> {
-    pub(super) fn of(document: &'d Document<'_>) -> Self {
-        let mut sheet = StyleSheet::new();
+impl TooManySelectors {
+    pub(super) fn at(self, entity: EntityName) -> PatternReadError {
+        let what = "comparisons with the selectors of its style sheets";
+        PatternReadError::TooMany { what, limit: 20_000_000, entity: Some(entity) }
+    }
+}
+
+impl Sheets {
+    pub(super) fn of(document: &Document<'_>) -> Self {
+        let mut sheet = Sheet::default();
+        for node in document.root().children().filter(|node| node.node_type() == NodeType::PI) {
+            let value = node.pi().filter(|pi| pi.target == "xml-stylesheet").and_then(|pi| pi.value);
+            sheet.imports.extend(value.map(|value| value.chars().take(100).collect()));
+        }
         for node in document.descendants().filter(|node| is_svg(*node) && node.tag_name().name() == "style") {
-            let is_css = node.attribute("type").is_none_or(|kind| kind.is_empty() || kind == "text/css");
-            for text in node.children().filter(|_| is_css).filter_map(|child| child.text()) {
-                sheet.parse_more(text);
+            let is_css = node
+                .attribute("type")
+                .is_none_or(|kind| kind.trim().is_empty() || kind.trim().eq_ignore_ascii_case("text/css"));
+            if is_css {
+                let text: String = node.children().filter_map(|child| child.text()).collect();
+                sheet.add(&text, node.attribute("media").unwrap_or_default());
             }
         }
-        Self { sheet, steps: Cell::new(0) }
+        sheet.sort();
+        Self { sheet, steps: Steps::default() }
+    }
+
+    /// Style sheets in other files, which are not read.
+    pub(super) fn imports(&self) -> &[String] {
+        &self.sheet.imports
     }
 
     /// The style of an element inside one with the style `outer`.
@@ -236,48 +385,80 @@ impl<'d> Sheets<'d> {
             baseline: outer.dominant_baseline,
             ..outer.clone()
         };
-        let mut given: Vec<(&str, &str)> = Vec::new();
-        let mut important: Vec<(&str, &str)> = Vec::new();
-        for attribute in node.attributes() {
-            let is_xml_space =
-                attribute.namespace() == Some(roxmltree::NS_XML_URI) && attribute.name() == "space";
-            if attribute.namespace().is_none() || is_xml_space {
-                given.push((if is_xml_space { "xml:space" } else { attribute.name() }, attribute.value()));
-            }
+        if !style.unread.is_empty() {
+            let is_inherited = |name: &str| kind(name).is_some_and(Kind::is_inherited);
+            Rc::make_mut(&mut style.unread).retain(|name, _| is_inherited(name));
         }
-        let attributes = given.len();
-        let element = Matched { node, steps: &self.steps };
-        for rule in self.sheet.rules.iter().filter(|rule| rule.selector.matches(&element)) {
-            for declaration in &rule.declarations {
-                let list = if declaration.important { &mut important } else { &mut given };
-                list.push((declaration.name, declaration.value));
-            }
-        }
-        if self.steps.get() > MAX_STEPS {
-            return Err(TooManySelectors);
-        }
-        for declaration in DeclarationTokenizer::from(node.attribute("style").unwrap_or_default()) {
-            let list = if declaration.important { &mut important } else { &mut given };
-            list.push((declaration.name, declaration.value));
-        }
-        given.extend(important);
+        let inline = css::declarations(node.attribute("style").unwrap_or_default());
+        let given = self.given(node, &inline)?;
+        style.variables = outer.variables.with(
+            given
+                .iter()
+                .filter(|given| given.name.starts_with("--"))
+                .map(|given| (given.name, given.value, given.uncertain.is_some())),
+        );
         // Other lengths and colours may refer to these.
         let is_first = |name: &str| matches!(name, "font" | "font-size" | "color");
         for first in [true, false] {
-            for (name, value) in given.iter().filter(|(name, _)| is_first(name) == first) {
-                style.apply(outer, name, value.trim(), viewport);
+            for given in given.iter().filter(|given| is_first(given.name) == first) {
+                style.declare(outer, given, viewport);
             }
-        }
-        for (name, value) in &given[attributes..] {
-            style.apply_css(name, value.trim());
+            if first && node.parent_element().is_none() {
+                style.root_font_size = style.font_size;
+            }
         }
         if node.tag_name().name() != "tspan" {
             style.raised = outer.raised;
         }
-        if let Some((_, value)) = given.iter().rev().find(|(name, _)| DECORATIONS.contains(name)) {
-            style.decorate(value);
+        let is_decoration =
+            |given: &&Given<'_>| DECORATIONS.contains(&given.name) && given.uncertain.is_none();
+        if let Some(given) = given.iter().rev().find(is_decoration)
+            && let Ok(value) = resolved(given.value, &style.variables)
+        {
+            style.decorate(&value.unwrap_or_default());
         }
         Ok(style)
+    }
+
+    /// The declarations of an element, those that win last.
+    fn given<'s>(
+        &'s self,
+        node: Node<'s, '_>,
+        inline: &'s [css::Declaration],
+    ) -> Result<Vec<Given<'s>>, TooManySelectors> {
+        let mut given: Vec<Given<'_>> = Vec::new();
+        let mut important: Vec<(usize, Given<'_>)> = Vec::new();
+        for attribute in node.attributes() {
+            let is_xml_space =
+                attribute.namespace() == Some(roxmltree::NS_XML_URI) && attribute.name() == "space";
+            if attribute.namespace().is_none() || is_xml_space {
+                let name = if is_xml_space { "xml:space" } else { attribute.name() };
+                given.push(Given { name, value: attribute.value(), is_css: false, uncertain: None });
+            }
+        }
+        let mut add = |declaration: &'s css::Declaration, layer: usize, uncertain: Option<&'s str>| {
+            let one = Given { name: &declaration.name, value: &declaration.value, is_css: true, uncertain };
+            match declaration.is_important {
+                true => important.push((layer, one)),
+                false => given.push(one),
+            }
+        };
+        for rule in &self.sheet.rules {
+            let holds = rule.condition.min(rule.selector.matches(node, &self.steps));
+            if holds != Truth::No {
+                self.steps.add(rule.declarations.len());
+                let uncertain = (holds == Truth::Unknown).then_some(&*rule.text);
+                rule.declarations.iter().for_each(|declaration| add(declaration, rule.layer, uncertain));
+            }
+        }
+        if self.steps.are_too_many() {
+            return Err(TooManySelectors);
+        }
+        // Between important declarations, the earlier layer wins.
+        inline.iter().for_each(|declaration| add(declaration, usize::MIN, None));
+        important.sort_by_key(|(layer, _)| Reverse(*layer));
+        given.extend(important.into_iter().map(|(_, one)| one));
+        Ok(given)
     }
 }
 
@@ -310,14 +491,31 @@ fn baseline(value: &str) -> Option<Baseline> {
 
 fn alpha(value: &str) -> Option<f64> {
     let number = match value.strip_suffix('%') {
-        Some(percent) => percent.trim().parse::<f64>().ok()? / 100.0,
-        None => value.parse().ok()?,
+        Some(percent) => number_of(percent)? / 100.0,
+        None => number_of(value)?,
     };
     Some(number.clamp(0.0, 1.0))
 }
 
+/// A colour as a function of older standards, which have commas and no percentage as opacity: `rgb(1 2 3 / 4%)` is
+/// `rgba(1,2,3,0.04)` there.
+fn with_commas(value: &str) -> Cow<'_, str> {
+    let parts = value.split_once('(').and_then(|(name, rest)| Some((name, rest.strip_suffix(')')?)));
+    let Some((name @ ("rgb" | "rgba" | "hsl" | "hsla"), inside)) = parts else { return Cow::Borrowed(value) };
+    let words = inside.split([',', '/', ' ', '\t', '\n']).filter(|word| !word.is_empty());
+    let mut words: Vec<Cow<'_, str>> = words.map(Cow::Borrowed).collect();
+    let mut name = name[..3].to_owned();
+    if let [_, _, _, last] = &mut words[..] {
+        name.push('a');
+        if let Some(number) = alpha(last) {
+            *last = number.to_string().into();
+        }
+    }
+    Cow::Owned(format!("{name}({})", words.join(",")))
+}
+
 fn color(value: &str) -> Option<([u8; 3], f64)> {
-    let color = svgtypes::Color::from_str(value).ok()?;
+    let color = svgtypes::Color::from_str(&with_commas(value)).ok()?;
     Some(([color.red, color.green, color.blue], f64::from(color.alpha) / 255.0))
 }
 
@@ -330,15 +528,102 @@ impl Style {
         self.geometry.iter().rev().find(|(given, _)| &**given == name).map(|(_, value)| &**value)
     }
 
-    /// Properties that have no attribute, or an attribute with another meaning.
-    fn apply_css(&mut self, name: &str, value: &str) {
-        match name {
-            "translate" | "rotate" | "scale" | "offset" | "offset-path" => {
-                self.is_moved_by_css |= !matches!(value, "none" | "initial" | "0" | "1");
+    /// What lengths of the element refer to, with what 100 % is.
+    pub(super) fn scale(&self, whole: f64) -> Scale {
+        Scale { font_size: self.font_size, root_font_size: self.root_font_size, whole }
+    }
+
+    /// A length of the element in user units; `None` if the text is none, or refers to a size that is not known.
+    pub(super) fn length(&self, text: &str, whole: f64) -> Option<f64> {
+        let length = Length::parsed(text)?;
+        let is_relative = matches!(length.unit, Unit::Em | Unit::Ex);
+        let is_known =
+            !is_relative || !["font", "font-size"].iter().any(|name| self.unread.contains_key(*name));
+        Some(length.user_units(self.scale(whole))).filter(|size| is_known && size.is_finite())
+    }
+
+    /// Why the element with all that is inside cannot be drawn.
+    pub(super) fn unread_own(&self) -> Option<&str> {
+        self.unread_of(|name| kind(name) == Some(Kind::Own))
+    }
+
+    /// Why a text with this style cannot be drawn.
+    pub(super) fn unread_text(&self) -> Option<&str> {
+        self.unread_of(|name| matches!(kind(name), Some(Kind::Text | Kind::OwnText)))
+    }
+
+    /// Why it is not known whether a shape is visible.
+    pub(super) fn unread_visibility(&self) -> Option<&str> {
+        self.unread.get("visibility").map(String::as_str)
+    }
+
+    /// Why the area or the stroke of a visible shape cannot be drawn.
+    pub(super) fn unread_paint(&self, has_fill: bool, has_stroke: bool) -> Option<&str> {
+        self.unread_of(|name| match name {
+            "fill" | "stroke" => true,
+            "fill-opacity" | "fill-rule" => has_fill,
+            name => has_stroke && (name.starts_with("stroke") || name.starts_with("marker")),
+        })
+    }
+
+    /// Why the area of a clip path cannot be drawn.
+    pub(super) fn is_clip_unread(&self) -> bool {
+        let matters =
+            |name: &str| kind(name) == Some(Kind::Own) || matches!(name, "visibility" | "clip-rule");
+        self.unread_of(matters).is_some()
+    }
+
+    /// Why a size or position is not known.
+    pub(super) fn unread_geometry(&self, name: &str) -> Option<&str> {
+        self.unread.get(name).map(String::as_str)
+    }
+
+    fn unread_of(&self, matters: impl Fn(&str) -> bool) -> Option<&str> {
+        self.unread.iter().find(|(name, _)| matters(name)).map(|(_, why)| why.as_str())
+    }
+
+    fn note_unread(&mut self, name: &str, why: String) {
+        Rc::make_mut(&mut self.unread).insert(name.to_owned(), why);
+    }
+
+    /// Applies a declaration, or notes why it cannot be read.
+    fn declare(&mut self, outer: &Self, given: &Given<'_>, viewport: Vector2<f64>) {
+        let name = given.name;
+        let is_geometry = GEOMETRY.contains(&name);
+        // Attributes of sizes are no properties; `rotate`, `scale` and others mean something else.
+        let is_property = given.is_css || !(is_geometry || MOVES.contains(&name));
+        let matters = kind(name).is_some();
+        // These change only what is reported, or are no properties of CSS.
+        let is_read = matters || matches!(name, "font-family" | "font-weight" | "font-style" | "xml:space");
+        if !is_property || !is_read {
+            return;
+        }
+        if let (Some(rule), true) = (given.uncertain, matters) {
+            let why = format!(
+                "the rule `{rule}` of the style sheet cannot be evaluated, and may set its `{name}`: set it in the element, or \
+                 export the drawing as plain SVG"
+            );
+            return self.note_unread(name, why);
+        }
+        if given.uncertain.is_some() {
+            return;
+        }
+        let value = given.value.trim();
+        let outcome = match resolved(value, &self.variables) {
+            Ok(Some(value)) => self.apply(outer, given, value.trim(), viewport),
+            Ok(None) => self.apply(outer, given, "unset", viewport),
+            Err(_) => Outcome::Unread,
+        };
+        match outcome {
+            Outcome::Done if self.unread.contains_key(name) => {
+                Rc::make_mut(&mut self.unread).remove(name);
             }
-            "cx" | "cy" | "r" | "rx" | "ry" | "x" | "y" | "width" | "height" => {
-                let given = (name.into(), value.into());
-                self.geometry = self.geometry.iter().cloned().chain([given]).collect();
+            Outcome::Unread if matters => {
+                let value: String = value.chars().take(60).collect();
+                let why = format!(
+                    "its `{name}` of `{value}` cannot be read: give it a plain value, or export the drawing as plain SVG"
+                );
+                self.note_unread(name, why);
             }
             _ => {}
         }
@@ -360,26 +645,41 @@ impl Style {
         self.decorations = self.decorations.iter().cloned().chain(own).collect();
     }
 
-    fn apply(&mut self, outer: &Self, name: &str, value: &str, viewport: Vector2<f64>) {
-        let inherit = value == "inherit";
+    fn apply(&mut self, outer: &Self, given: &Given<'_>, value: &str, viewport: Vector2<f64>) -> Outcome {
+        let name = given.name;
+        let lower = value.to_ascii_lowercase();
+        let word = lower.as_str();
+        if value.is_empty() {
+            return Outcome::Ignored;
+        }
+        let is_inherited = kind(name).is_none_or(Kind::is_inherited);
+        // The style that a keyword of CSS takes the value from.
+        let source = match word {
+            "inherit" => Some(Cow::Borrowed(outer)),
+            "unset" | "revert" if is_inherited => Some(Cow::Borrowed(outer)),
+            "initial" | "unset" | "revert" => Some(Cow::Owned(Self::default())),
+            "revert-layer" => return Outcome::Unread,
+            _ => None,
+        };
         let diagonal = viewport.norm() / 2.0_f64.sqrt();
         let font_size = self.font_size;
-        let length = |value: &str, whole: f64| {
-            Length::from_str(value)
-                .ok()
-                .map(|length| user_units(length, font_size, whole))
-                .filter(|size| size.is_finite())
-        };
         macro_rules! set {
             ($field:ident, $value:expr) => {
-                if inherit {
-                    self.$field = outer.$field.clone();
-                } else if let Some(value) = $value {
-                    self.$field = value;
+                if let Some(source) = &source {
+                    self.$field = source.$field.clone();
+                } else {
+                    match $value {
+                        Some(value) => self.$field = value,
+                        None => return unless_word(value),
+                    }
                 }
             };
         }
-        let rule = || match value {
+        let spacing = |style: &Self, word: &str| match word {
+            "normal" => Some(0.0),
+            word => style.length(word, font_size),
+        };
+        let rule = || match word {
             "evenodd" => Some(FillRule::EvenOdd),
             "nonzero" => Some(FillRule::NonZero),
             _ => None,
@@ -391,19 +691,18 @@ impl Style {
             "stroke-opacity" => set!(stroke_alpha, alpha(value)),
             "fill-rule" => set!(fill_rule, rule()),
             "clip-rule" => set!(clip_rule, rule()),
-            "stroke-width" => set!(stroke_width, length(value, diagonal)),
+            "stroke-width" => set!(stroke_width, self.length(word, diagonal).filter(|width| *width >= 0.0)),
             "stroke-dasharray" => set!(dashes, {
-                let parts = value.split([',', ' ', '\t', '\n']).filter(|part| !part.is_empty());
-                let all: Option<Vec<f64>> = parts.map(|part| length(part, diagonal)).collect();
-                Some(all.filter(|dashes| {
-                    dashes.iter().all(|dash| *dash >= 0.0) && dashes.iter().sum::<f64>() > 0.0
-                }))
-                .map(|dashes| dashes.unwrap_or_default().into())
+                let parts = word.split([',', ' ', '\t', '\n', '\r']);
+                let parts = parts.filter(|part| !part.is_empty() && *part != "none");
+                let all: Option<Vec<f64>> =
+                    parts.map(|part| self.length(part, diagonal).filter(|dash: &f64| *dash >= 0.0)).collect();
+                all.map(|dashes| if dashes.iter().sum::<f64>() > 0.0 { dashes } else { Vec::new() }.into())
             }),
-            "stroke-dashoffset" => set!(dash_offset, length(value, diagonal)),
+            "stroke-dashoffset" => set!(dash_offset, self.length(word, diagonal)),
             "stroke-linecap" => set!(
                 cap,
-                match value {
+                match word {
                     "butt" => Some(Cap::Butt),
                     "round" => Some(Cap::Round),
                     "square" => Some(Cap::Square),
@@ -412,85 +711,110 @@ impl Style {
             ),
             "stroke-linejoin" => set!(
                 join,
-                match value {
+                match word {
                     "miter" | "miter-clip" | "arcs" => Some(Join::Miter),
                     "round" => Some(Join::Round),
                     "bevel" => Some(Join::Bevel),
                     _ => None,
                 }
             ),
-            "stroke-miterlimit" => set!(miter_limit, value.parse().ok().filter(|limit: &f64| *limit >= 1.0)),
-            "visibility" => set!(visible, Some(value == "visible")),
-            "color" => set!(color, color(value).map(|(rgb, _)| rgb)),
+            "stroke-miterlimit" => set!(miter_limit, number_of(value).filter(|limit| *limit >= 1.0)),
+            "visibility" => set!(
+                visible,
+                match word {
+                    "visible" => Some(true),
+                    "hidden" | "collapse" => Some(false),
+                    _ => None,
+                }
+            ),
+            "color" => match color(word) {
+                None if word == "currentcolor" => self.color = outer.color,
+                found => set!(color, found.map(|(rgb, _)| rgb)),
+            },
             "marker" | "marker-start" | "marker-mid" | "marker-end" => {
-                set!(has_markers, Some(value != "none" || (name != "marker" && self.has_markers)));
+                set!(has_markers, Some(word != "none" || (name != "marker" && self.has_markers)));
             }
             "font-size" => {
-                let outer_size = outer.font_size;
-                self.font_size = match value {
-                    "medium" | "initial" => FONT_SIZE,
-                    "xx-small" => FONT_SIZE * 0.6,
-                    "x-small" => FONT_SIZE * 0.75,
-                    "small" => FONT_SIZE * 8.0 / 9.0,
-                    "large" => FONT_SIZE * 1.2,
-                    "x-large" => FONT_SIZE * 1.5,
-                    "xx-large" => FONT_SIZE * 2.0,
-                    "larger" => outer_size * 1.2,
-                    "smaller" => outer_size / 1.2,
-                    _ => Length::from_str(value)
-                        .ok()
-                        .map(|length| user_units(length, outer_size, outer_size))
-                        .filter(|size| size.is_finite() && *size >= 0.0)
-                        .unwrap_or(outer_size),
-                };
+                let outer_scale = Scale { whole: outer.font_size, ..outer.scale(0.0) };
+                set!(
+                    font_size,
+                    match word {
+                        "medium" => Some(FONT_SIZE),
+                        "xx-small" => Some(FONT_SIZE * 0.6),
+                        "x-small" => Some(FONT_SIZE * 0.75),
+                        "small" => Some(FONT_SIZE * 8.0 / 9.0),
+                        "large" => Some(FONT_SIZE * 1.2),
+                        "x-large" => Some(FONT_SIZE * 1.5),
+                        "xx-large" => Some(FONT_SIZE * 2.0),
+                        "xxx-large" => Some(FONT_SIZE * 3.0),
+                        "larger" => Some(outer.font_size * 1.2),
+                        "smaller" => Some(outer.font_size / 1.2),
+                        _ => Length::parsed(word)
+                            .map(|length| length.user_units(outer_scale))
+                            .filter(|size| size.is_finite() && *size >= 0.0),
+                    }
+                );
             }
             "font-family" => set!(font_family, Some(value.into())),
             "font-weight" => set!(
                 is_bold,
                 Some(
-                    matches!(value, "bold" | "bolder")
+                    matches!(word, "bold" | "bolder")
                         || value.parse::<f64>().is_ok_and(|weight| weight >= 600.0)
                 )
             ),
-            "font-style" => set!(is_italic, Some(matches!(value, "italic") || value.starts_with("oblique"))),
+            "font-style" => set!(is_italic, Some(word == "italic" || word.starts_with("oblique"))),
             "font" => {
                 // `bold 12px/1.2 Arial`: the size is the first length, the family follows it.
                 let words: Vec<&str> = value.split_whitespace().collect();
-                self.is_bold = words.contains(&"bold");
-                self.is_italic = words.contains(&"italic");
                 let size = |word: &&str| {
                     let word = word.split('/').next().unwrap_or(word);
-                    word.starts_with(|first: char| first.is_ascii_digit() || first == '.')
-                        && Length::from_str(word).is_ok_and(|length| length.unit != LengthUnit::None)
+                    Length::parsed(word).is_some_and(|length| length.unit != Unit::None)
                 };
-                if let Some(at) = words.iter().position(size) {
-                    self.apply(outer, "font-size", words[at].split('/').next().unwrap_or_default(), viewport);
+                if source.is_some() {
+                    set!(font_size, None);
+                    set!(font_family, None);
+                    set!(is_bold, None);
+                    set!(is_italic, None);
+                } else if let Some(at) = words.iter().position(size) {
+                    self.is_bold = words.contains(&"bold");
+                    self.is_italic = words.contains(&"italic");
                     self.font_family = words[at + 1..].join(" ").into();
+                    let size = words[at].split('/').next().unwrap_or_default();
+                    let of_size = Given { name: "font-size", ..*given };
+                    return self.apply(outer, &of_size, size, viewport);
+                } else {
+                    return unless_word(value);
                 }
             }
             "text-anchor" => set!(
                 anchor,
-                match value {
+                match word {
                     "start" => Some(Anchor::Start),
                     "middle" => Some(Anchor::Middle),
                     "end" => Some(Anchor::End),
                     _ => None,
                 }
             ),
-            "letter-spacing" => set!(letter_spacing, Some(length(value, font_size).unwrap_or(0.0))),
-            "word-spacing" => set!(word_spacing, Some(length(value, font_size).unwrap_or(0.0))),
+            "letter-spacing" => set!(letter_spacing, spacing(self, word)),
+            "word-spacing" => set!(word_spacing, spacing(self, word)),
             "baseline-shift" => {
                 // DejaVu Sans: the heights of subscripts and superscripts in its table OS/2.
-                self.raised = outer.raised
-                    + match value {
-                        "sub" => -font_size * 286.0 / 2048.0,
-                        "super" => font_size * 983.0 / 2048.0,
-                        _ => length(value, font_size).unwrap_or(0.0),
-                    };
+                let shift = match word {
+                    "sub" => Some(-font_size * 286.0 / 2048.0),
+                    "super" => Some(font_size * 983.0 / 2048.0),
+                    "top" | "center" | "bottom" => return Outcome::Unread,
+                    word if word == "baseline" || source.is_some() => Some(0.0),
+                    word => self.length(word, font_size),
+                };
+                match shift {
+                    Some(shift) => self.raised = outer.raised + shift,
+                    None => return unless_word(value),
+                }
             }
             "text-transform" => set!(
                 letter_case,
-                Some(match value {
+                Some(match word {
                     "uppercase" => LetterCase::Upper,
                     "lowercase" => LetterCase::Lower,
                     "capitalize" => LetterCase::Unread,
@@ -498,7 +822,7 @@ impl Style {
                 })
             ),
             "font-variant" | "font-variant-caps" => {
-                let has_capitals = value.split_whitespace().any(|word| word.contains("caps"));
+                let has_capitals = word.split_whitespace().any(|word| word.contains("caps"));
                 set!(
                     letter_case,
                     Some(if has_capitals { LetterCase::Unread } else { LetterCase::AsWritten })
@@ -506,31 +830,52 @@ impl Style {
             }
             "xml:space" => self.keeps_blanks = value == "preserve",
             "white-space" => {
-                set!(keeps_blanks, Some(matches!(value, "pre" | "pre-wrap" | "break-spaces")));
+                set!(keeps_blanks, Some(matches!(word, "pre" | "pre-wrap" | "break-spaces")));
             }
             "writing-mode" => {
-                set!(is_vertical, Some(value.starts_with("tb") || value.starts_with("vertical")));
+                set!(is_vertical, Some(word.starts_with("tb") || word.starts_with("vertical")));
             }
             "opacity" => set!(opacity, alpha(value)),
-            "display" => set!(displayed, Some(value != "none")),
+            // Every other value of CSS draws the element; single words that are none are ignored.
+            "display" => match word {
+                _ if source.is_some() => set!(displayed, None),
+                "none" => self.displayed = false,
+                word if DISPLAYS.contains(&word) => self.displayed = true,
+                _ => return unless_word(value),
+            },
             "clip-path" => {
-                set!(clip, Some(reference(value)));
-                self.has_css_clip = CSS_SHAPES.iter().any(|shape| value.contains(shape));
+                let has_shape = CSS_SHAPES.iter().any(|shape| word.contains(shape));
+                let clip = reference(value);
+                set!(clip, (clip.is_some() || has_shape || word == "none").then_some(clip));
+                set!(has_css_clip, Some(has_shape));
             }
-            "mask" | "mask-image" => set!(mask, Some(reference(value))),
-            "overflow" => set!(overflows, Some(matches!(value, "visible" | "auto"))),
+            "mask" | "mask-image" => {
+                let mask = reference(value);
+                set!(mask, (mask.is_some() || word == "none").then_some(mask));
+            }
+            "overflow" => set!(overflows, Some(matches!(word, "visible" | "auto"))),
             "transform-origin" => set!(transform_origin, Some(Some(value.into()))),
-            "transform-box" => set!(has_own_box, Some(value != "view-box")),
-            "filter" => set!(filter, Some(value != "none" && !value.is_empty())),
+            "transform-box" => set!(has_own_box, Some(word != "view-box")),
+            "filter" => set!(filter, Some(word != "none")),
             "transform" => set!(transform, Some(Some(value.into()))),
-            "vector-effect" => set!(fixed_width, Some(value == "non-scaling-stroke")),
+            "vector-effect" => set!(fixed_width, Some(word == "non-scaling-stroke")),
             "dominant-baseline" => {
-                set!(dominant_baseline, baseline(value));
+                set!(dominant_baseline, baseline(word));
                 self.baseline = self.dominant_baseline;
             }
-            "alignment-baseline" => set!(baseline, baseline(value)),
+            "alignment-baseline" => set!(baseline, baseline(word)),
+            "zoom" if matches!(word, "1" | "100%" | "normal") || source.is_some() => {}
+            "all" | "zoom" => return Outcome::Unread,
+            name if given.is_css && MOVES.contains(&name) => {
+                self.is_moved_by_css = source.is_none() && !matches!(word, "none" | "0" | "1");
+            }
+            name if given.is_css && GEOMETRY.contains(&name) => {
+                let given = (name.into(), value.into());
+                self.geometry = self.geometry.iter().cloned().chain([given]).collect();
+            }
             _ => {}
         }
+        Outcome::Done
     }
 
     fn paint(&self, value: &str) -> Option<Paint> {
@@ -539,8 +884,17 @@ impl Style {
             rgb: [color.red, color.green, color.blue],
             alpha: f64::from(color.alpha) / 255.0,
         };
+        // The names of references may have capitals; words and functions may be written with any.
+        let lower = value.to_ascii_lowercase();
+        let value = match lower.as_str() {
+            "currentcolor" => "currentColor",
+            other if other.starts_with("url(") => value,
+            other => other,
+        };
+        let value = &*with_commas(value);
         Some(match svgtypes::Paint::from_str(value).ok()? {
             svgtypes::Paint::None => Paint::None,
+            svgtypes::Paint::CurrentColor if self.unread.contains_key("color") => return None,
             svgtypes::Paint::CurrentColor => own,
             svgtypes::Paint::Color(color) => of(color),
             svgtypes::Paint::FuncIRI(..) => Paint::Server,
@@ -551,39 +905,33 @@ impl Style {
     }
 }
 
-/// An element that selectors are compared with; every comparison is counted.
-struct Matched<'a, 'd, 'c> {
-    node: Node<'a, 'd>,
-    steps: &'c Cell<usize>,
-}
+/// Properties of CSS that move an element beside `transform`.
+const MOVES: [&str; 5] = ["translate", "rotate", "scale", "offset", "offset-path"];
 
-impl Matched<'_, '_, '_> {
-    fn step(&self) -> bool {
-        self.steps.set(self.steps.get() + 1);
-        self.steps.get() <= MAX_STEPS
-    }
-}
-
-impl Element for Matched<'_, '_, '_> {
-    fn parent_element(&self) -> Option<Self> {
-        let node = self.node.parent_element().filter(|_| self.step())?;
-        Some(Self { node, steps: self.steps })
-    }
-
-    fn prev_sibling_element(&self) -> Option<Self> {
-        let node = self.node.prev_sibling_element().filter(|_| self.step())?;
-        Some(Self { node, steps: self.steps })
-    }
-
-    fn has_local_name(&self, name: &str) -> bool {
-        self.step() && self.node.tag_name().name() == name
-    }
-
-    fn attribute_matches(&self, local_name: &str, operator: AttributeOperator<'_>) -> bool {
-        self.step() && self.node.attribute(local_name).is_some_and(|value| operator.matches(value))
-    }
-
-    fn pseudo_class_matches(&self, class: PseudoClass<'_>) -> bool {
-        self.step() && class == PseudoClass::FirstChild && self.node.prev_sibling_element().is_none()
-    }
-}
+/// Values of `display` that draw an element.
+const DISPLAYS: [&str; 24] = [
+    "inline",
+    "block",
+    "contents",
+    "flex",
+    "grid",
+    "inline-block",
+    "inline-flex",
+    "inline-grid",
+    "flow-root",
+    "list-item",
+    "run-in",
+    "compact",
+    "marker",
+    "flow",
+    "ruby",
+    "math",
+    "table",
+    "inline-table",
+    "table-row-group",
+    "table-header-group",
+    "table-footer-group",
+    "table-row",
+    "table-cell",
+    "table-caption",
+];

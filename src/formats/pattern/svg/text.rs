@@ -5,13 +5,12 @@ use std::rc::Rc;
 
 use nalgebra::{Matrix2, Vector2};
 use roxmltree::Node;
-use svgtypes::LengthListParser;
 
 use super::super::content::{FoundField, Syntax, expand};
 use super::super::error::PatternReadError;
 use super::super::font::{FontUses, Typeface, draws_nothing, missing_letters, substitute};
-use super::style::{Anchor, Baseline, Decoration, LetterCase, Style, is_svg, user_units};
-use super::walk::{Context, Missing, Walk};
+use super::style::{Anchor, Baseline, Decoration, LetterCase, Style, is_svg};
+use super::walk::{Context, Missing, Walk, unread_length};
 use crate::geometry::pattern::{Affine, Segment, Shape};
 use crate::geometry::space::FlatPoint;
 
@@ -255,16 +254,23 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
             self.unread = Some("it is stretched to a length (textLength): convert it to paths".into());
         }
         let viewport = context.viewport;
-        let list = |name: &str, whole: f64| -> Vec<f64> {
+        let mut list = |name: &str, whole: f64| -> Vec<f64> {
             let text = node.attribute(name).unwrap_or_default();
-            let lengths = LengthListParser::from(text).map_while(Result::ok);
-            lengths.take(LONGEST).map(|length| user_units(length, style.font_size, whole)).collect()
+            let lengths = text.split(|letter: char| letter.is_whitespace() || letter == ',');
+            let lengths = lengths.filter(|length| !length.is_empty()).take(LONGEST);
+            let read =
+                lengths.map(|length| style.length(length, whole).ok_or_else(|| unread_length(name, length)));
+            read.collect::<Result<_, _>>().unwrap_or_else(|why| {
+                self.unread = Some(why.into());
+                Vec::new()
+            })
         };
-        self.positions.push(Positions {
-            at: [list("x", viewport.x), list("y", viewport.y)],
-            shift: [list("dx", viewport.x), list("dy", viewport.y)],
-            next: 0,
-        });
+        let at = [list("x", viewport.x), list("y", viewport.y)];
+        let shift = [list("dx", viewport.x), list("dy", viewport.y)];
+        self.positions.push(Positions { at, shift, next: 0 });
+        if let Some(why) = style.unread_text().or(style.unread_own()) {
+            self.unread = Some(why.to_owned().into());
+        }
         for child in node.children() {
             if child.is_text() {
                 self.text(child.text().unwrap_or_default(), node, style);

@@ -3,38 +3,35 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
-use std::str::FromStr;
 use std::sync::Arc;
 
 use i_overlay::core::fill_rule::FillRule;
 use nalgebra::{Matrix2, Vector2};
 use roxmltree::{Node, NodeId};
-use svgtypes::Length;
 
-use super::super::budget::{Budget, Cost, Exceeded};
+use super::super::budget::{Budget, Cost};
 use super::super::colour::nearest_index;
 use super::super::content::{Content, FieldUse};
 use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::Skipped;
 use super::super::font::FontUses;
 use super::super::reading::Strokes;
-use super::area::{self, Polygons, TOLERANCE};
+use super::area::{self, MAX_COORDINATE, Polygons, TOLERANCE, Unworkable};
 use super::document::Lines;
+use super::length::number_of;
 use super::outline;
 use super::page::{fitted, view_box};
 use super::place;
-use super::style::{Paint, Sheets, Style, is_svg, user_units};
+use super::style::{Paint, Sheets, Style, is_svg};
 use crate::geometry::pattern::{Affine, Color, Path, Segment, Shape, Source};
 use crate::geometry::space::{Extents, FlatPoint};
 
 /// Colour of all layers; every path has a colour of its own.
 pub(super) const LAYER_COLOR: Color = Color::Aci(7);
 /// Layer of everything outside Inkscape's layers.
-const NO_LAYER: &str = "0";
+pub(super) const NO_LAYER: &str = "0";
 /// Deepest nesting of elements, copies included.
 const MAX_DEPTH: usize = 96;
-/// Largest coordinate, mm: ten kilometres.
-const MAX_COORDINATE: f64 = 1e7;
 /// Largest number of dashes of one element.
 const MAX_DASHES: f64 = 100_000.0;
 /// Channels of a colour from this value on are white.
@@ -163,7 +160,7 @@ pub(super) struct Drawn {
 type DrawText<'a, 'd> = fn(&mut Walk<'a, 'd>, Node<'a, 'd>, &Context) -> Result<(), PatternReadError>;
 
 pub(super) struct Walk<'a, 'd> {
-    pub(super) sheets: Sheets<'a>,
+    pub(super) sheets: Sheets,
     pub(super) lines: Lines,
     pub(super) ids: BTreeMap<&'a str, Node<'a, 'd>>,
     pub(super) budget: &'a mut Budget,
@@ -190,7 +187,7 @@ pub(super) struct Walk<'a, 'd> {
 impl<'a, 'd> Walk<'a, 'd> {
     pub(super) fn new(
         root: Node<'a, 'd>,
-        sheets: Sheets<'a>,
+        sheets: Sheets,
         lines: Lines,
         budget: &'a mut Budget,
         strokes: Strokes,
@@ -251,11 +248,8 @@ impl<'a, 'd> Walk<'a, 'd> {
     }
 
     pub(super) fn style(&self, node: Node<'a, 'd>, outer: &Context) -> Result<Style, PatternReadError> {
-        self.sheets.style(node, &outer.style, outer.viewport).map_err(|_| PatternReadError::TooMany {
-            what: "comparisons with the selectors of its style sheets",
-            limit: 20_000_000,
-            entity: Some(self.lines.name(node, &outer.layer)),
-        })
+        let style = self.sheets.style(node, &outer.style, outer.viewport);
+        style.map_err(|too_many| too_many.at(self.lines.name(node, &outer.layer)))
     }
 
     fn children(&mut self, node: Node<'a, 'd>, context: &Context) -> Result<(), PatternReadError> {
@@ -307,8 +301,11 @@ impl<'a, 'd> Walk<'a, 'd> {
         match tag {
             "g" | "a" => self.children(node, &context),
             "svg" => {
-                let [x, y, width, height] = self.box_of(node, &context, None);
-                let inner = nested(node, &context, [x, y], Vector2::new(width, height));
+                let [x, y, width, height] = match self.box_of(node, &context, None) {
+                    Ok(sides) => sides,
+                    Err(why) => return self.unread(node, &context, why),
+                };
+                let inner = self.nested(node, &context, [x, y], Vector2::new(width, height))?;
                 self.children(node, &inner)
             }
             "switch" => match node.children().find(|child| is_svg(*child) && is_eligible(*child)) {
@@ -364,6 +361,12 @@ impl<'a, 'd> Walk<'a, 'd> {
         let opacity = outer.opacity * style.opacity;
         if opacity == 0.0 {
             self.skip(node, &layer, "it is fully transparent".into(), Missing::Nothing);
+            return Ok(None);
+        }
+        if let Some(why) = style.unread_own() {
+            if self.has_ink(node) {
+                self.skip(node, &layer, why.to_owned().into(), Missing::Ink);
+            }
             return Ok(None);
         }
         let map = match place::own(&style, outer.viewport) {
@@ -444,6 +447,12 @@ impl<'a, 'd> Walk<'a, 'd> {
         Ok(())
     }
 
+    /// Lists an element that cannot be read.
+    fn unread(&mut self, node: Node<'a, 'd>, context: &Context, why: String) -> Result<(), PatternReadError> {
+        self.skip(node, &context.layer, why.into(), Missing::Ink);
+        Ok(())
+    }
+
     /// A copy of another element.
     fn copy(&mut self, node: Node<'a, 'd>, context: &Context) -> Result<(), PatternReadError> {
         let link = node
@@ -470,7 +479,11 @@ impl<'a, 'd> Walk<'a, 'd> {
             return Ok(());
         }
         let [x, y] = [("x", context.viewport.x), ("y", context.viewport.y)]
-            .map(|(name, whole)| self.length(node, name, whole, context).unwrap_or(0.0));
+            .map(|(name, whole)| self.length(node, name, whole, context));
+        let (x, y) = match (x, y) {
+            (Ok(x), Ok(y)) => (x.unwrap_or(0.0), y.unwrap_or(0.0)),
+            (Err(why), _) | (_, Err(why)) => return self.unread(node, context, why),
+        };
         let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
         let mut context =
             Context { map: context.map.after(&shift), block: Some(id.into()), ..context.clone() };
@@ -498,76 +511,157 @@ impl<'a, 'd> Walk<'a, 'd> {
         if !style.displayed {
             return Ok(());
         }
+        if let Some(why) = style.unread_own() {
+            let why = why.to_owned();
+            return self.unread(node, context, why);
+        }
         let opacity = context.opacity * style.opacity;
         let inner = Context { style, opacity, ..context.clone() };
-        let [x, y, width, height] = self.box_of(target, &inner, Some(node));
+        let [x, y, width, height] = match self.box_of(target, &inner, Some((node, context))) {
+            Ok(sides) => sides,
+            Err(why) => return self.unread(node, context, why),
+        };
         let at = if target.tag_name().name() == "svg" { [x, y] } else { [0.0, 0.0] };
-        let inner = nested(target, &inner, at, Vector2::new(width, height));
+        let inner = self.nested(target, &inner, at, Vector2::new(width, height))?;
         self.children(target, &inner)
     }
 
     /// Position and size of a nested drawing, in units of the element; the size may come from the `use`.
-    fn box_of(&self, node: Node<'a, 'd>, context: &Context, by: Option<Node<'a, 'd>>) -> [f64; 4] {
+    fn box_of(
+        &self,
+        node: Node<'a, 'd>,
+        context: &Context,
+        by: Option<(Node<'a, 'd>, &Context)>,
+    ) -> Result<[f64; 4], String> {
         let whole = context.viewport;
         let side = |name, whole| {
-            by.and_then(|by| self.length(by, name, whole, context))
-                .or_else(|| self.length(node, name, whole, context))
-                .unwrap_or(whole)
+            let of_use = by.map(|(by, context)| self.length(by, name, whole, context)).transpose()?.flatten();
+            let own = || self.length(node, name, whole, context);
+            Ok::<_, String>(of_use.map_or_else(own, |side| Ok(Some(side)))?.unwrap_or(whole))
         };
-        let at = |name, whole| self.length(node, name, whole, context).unwrap_or(0.0);
-        [at("x", whole.x), at("y", whole.y), side("width", whole.x), side("height", whole.y)]
+        let at = |name, whole| Ok::<_, String>(self.length(node, name, whole, context)?.unwrap_or(0.0));
+        let sides = [at("x", whole.x)?, at("y", whole.y)?, side("width", whole.x)?, side("height", whole.y)?];
+        match node.attribute("viewBox").filter(|text| !text.trim().is_empty() && view_box(node).is_none()) {
+            Some(text) => Err(unread_length("viewBox", text)),
+            None => Ok(sides),
+        }
     }
 
+    /// The context inside a nested drawing at a place, with its `viewBox`. What is outside its edges is cut off, as
+    /// programs show it, unless `overflow` allows it.
+    fn nested(
+        &self,
+        node: Node<'a, 'd>,
+        context: &Context,
+        at: [f64; 2],
+        size: Vector2<f64>,
+    ) -> Result<Context, PatternReadError> {
+        let shift = Affine { linear: Matrix2::identity(), offset: Vector2::from(at) };
+        let map = context.map.after(&shift);
+        let mut inner = match view_box(node) {
+            Some(view) => Context {
+                map: map.after(&fitted(node, view, size)),
+                viewport: Vector2::new(view.w, view.h),
+                ..context.clone()
+            },
+            None => Context { map, viewport: size, ..context.clone() },
+        };
+        if !context.style.overflows {
+            let corners = [[0.0, 0.0], [size.x, 0.0], [size.x, size.y], [0.0, size.y]];
+            let corners = corners.map(|[x, y]| map.point(FlatPoint::new(x, y)));
+            self.check_reach(&corners.map(Shape::Dot), node, context)?;
+            let mut edges: Vec<[f64; 2]> = corners.map(|corner| [corner.x, corner.y]).to_vec();
+            if map.linear.determinant() < 0.0 {
+                edges.reverse();
+            }
+            inner.clip_to(vec![edges]);
+        }
+        Ok(inner)
+    }
+
+    /// A size or position in user units, if the element has it, or why it cannot be read.
     pub(super) fn length(
         &self,
         node: Node<'a, 'd>,
         name: &str,
         whole: f64,
         context: &Context,
-    ) -> Option<f64> {
-        let given = context.style.geometry(name).or(node.attribute(name))?;
-        let length = Length::from_str(given.trim()).ok()?;
-        Some(user_units(length, context.style.font_size, whole))
+    ) -> Result<Option<f64>, String> {
+        if let Some(why) = context.style.unread_geometry(name) {
+            return Err(why.to_owned());
+        }
+        let style = &context.style;
+        let (text, is_css) = match (style.geometry(name), node.attribute(name)) {
+            (Some(text), _) => (text, true),
+            (None, Some(text)) => (text, false),
+            (None, None) => return Ok(None),
+        };
+        let text = text.trim();
+        if text.eq_ignore_ascii_case("auto") {
+            return Ok(None);
+        }
+        let length = style.length(text, whole);
+        // Without a unit, CSS knows only zero.
+        let is_valid = !is_css || length == Some(0.0) || number_of(text).is_none();
+        length.filter(|_| is_valid).map(Some).ok_or_else(|| unread_length(name, text))
     }
 
     /// The curves of a shape, and whether its data could be read.
     pub(super) fn shapes(&self, node: Node<'a, 'd>, context: &Context) -> (Vec<Shape>, Result<(), String>) {
+        if node.tag_name().name() == "path" {
+            let style = &context.style;
+            if let Some(why) = style.unread_geometry("d") {
+                return (Vec::new(), Err(why.to_owned()));
+            }
+            if let Some(data) = style.geometry("d") {
+                return (Vec::new(), Err(unread_length("d", data)));
+            }
+            let (shapes, read) = outline::path(node.attribute("d").unwrap_or_default());
+            let read = read.map_err(|error| {
+                format!("its path data cannot be read ({error}): export the drawing again, or delete it")
+            });
+            return (shapes, read);
+        }
+        match self.basic_shape(node, context) {
+            Ok(shape) => (shape.into_iter().collect(), Ok(())),
+            Err(why) => (Vec::new(), Err(why)),
+        }
+    }
+
+    fn basic_shape(&self, node: Node<'a, 'd>, context: &Context) -> Result<Option<Shape>, String> {
         let (w, h) = (context.viewport.x, context.viewport.y);
         let diagonal = context.viewport.norm() / 2.0_f64.sqrt();
-        let of = |name, whole| self.length(node, name, whole, context).unwrap_or(0.0);
-        let shape = match node.tag_name().name() {
-            "path" => {
-                let (shapes, read) = outline::path(node.attribute("d").unwrap_or_default());
-                let read = read.map_err(|error| {
-                    format!("its path data cannot be read ({error}): export the drawing again, or delete it")
-                });
-                return (shapes, read);
-            }
+        let maybe = |name, whole| self.length(node, name, whole, context);
+        let of = |name, whole| Ok::<_, String>(maybe(name, whole)?.unwrap_or(0.0));
+        Ok(match node.tag_name().name() {
             "rect" => {
                 let radius =
-                    |name, whole| self.length(node, name, whole, context).filter(|radius| *radius >= 0.0);
-                let (rx, ry) = (radius("rx", w), radius("ry", h));
+                    |name, whole| Ok::<_, String>(maybe(name, whole)?.filter(|radius| *radius >= 0.0));
+                let (rx, ry) = (radius("rx", w)?, radius("ry", h)?);
                 let radii = [rx.or(ry).unwrap_or(0.0), ry.or(rx).unwrap_or(0.0)];
-                let size = Vector2::new(of("width", w), of("height", h));
-                outline::rectangle(FlatPoint::new(of("x", w), of("y", h)), size, radii)
+                let size = Vector2::new(of("width", w)?, of("height", h)?);
+                outline::rectangle(FlatPoint::new(of("x", w)?, of("y", h)?), size, radii)
             }
             "circle" => {
-                let radius = of("r", diagonal);
-                outline::ellipse(FlatPoint::new(of("cx", w), of("cy", h)), radius, radius)
+                let radius = of("r", diagonal)?;
+                outline::ellipse(FlatPoint::new(of("cx", w)?, of("cy", h)?), radius, radius)
             }
             "ellipse" => {
-                let radius = |name, whole| self.length(node, name, whole, context);
-                let (rx, ry) = (radius("rx", w), radius("ry", h));
+                let (rx, ry) = (maybe("rx", w)?, maybe("ry", h)?);
                 let [rx, ry] = [rx.or(ry).unwrap_or(0.0), ry.or(rx).unwrap_or(0.0)];
-                outline::ellipse(FlatPoint::new(of("cx", w), of("cy", h)), rx, ry)
+                outline::ellipse(FlatPoint::new(of("cx", w)?, of("cy", h)?), rx, ry)
             }
             "line" => Some(outline::line(
-                FlatPoint::new(of("x1", w), of("y1", h)),
-                FlatPoint::new(of("x2", w), of("y2", h)),
+                FlatPoint::new(of("x1", w)?, of("y1", h)?),
+                FlatPoint::new(of("x2", w)?, of("y2", h)?),
             )),
-            tag => outline::polyline(node.attribute("points").unwrap_or_default(), tag == "polygon"),
-        };
-        (shape.into_iter().collect(), Ok(()))
+            tag => {
+                let points = node.attribute("points").unwrap_or_default();
+                outline::polyline(points, tag == "polygon").map_err(|error| {
+                    format!("its points cannot be read ({error}): export the drawing again, or delete it")
+                })?
+            }
+        })
     }
 
     /// Draws shapes in the units of the context with a style. `plain` shapes do not cross themselves.
@@ -583,6 +677,9 @@ impl<'a, 'd> Walk<'a, 'd> {
             self.skip(node, &context.layer, "it has no size".into(), Missing::Nothing);
             return Ok(());
         }
+        if let Some(why) = style.unread_visibility() {
+            return self.unread(node, context, why.to_owned());
+        }
         if !style.visible {
             self.skip(node, &context.layer, "it is hidden (visibility)".into(), Missing::Hidden);
             return Ok(());
@@ -594,6 +691,9 @@ impl<'a, 'd> Walk<'a, 'd> {
         };
         let mut fill = ink(style.fill, style.fill_alpha);
         let mut stroke = ink(style.stroke, style.stroke_alpha);
+        if let Some(why) = style.unread_paint(fill != Paint::None, stroke != Paint::None) {
+            return self.unread(node, context, why.to_owned());
+        }
         if !(style.stroke_width > 0.0) && stroke != Paint::None {
             stroke = Paint::None;
             if fill == Paint::None {
@@ -605,6 +705,14 @@ impl<'a, 'd> Walk<'a, 'd> {
             self.skip(node, &context.layer, "it has neither fill nor stroke".into(), Missing::Nothing);
             return Ok(());
         }
+        let is_dashed = stroke != Paint::None && !style.dashes.is_empty();
+        let stated = match node.attribute("pathLength").filter(|_| is_dashed) {
+            Some(text) => match number_of(text.trim()).filter(|length| *length > 0.0) {
+                Some(length) => Some(length),
+                None => return self.unread(node, context, unread_length("pathLength", text)),
+            },
+            None => None,
+        };
         let pieces: usize = shapes.iter().map(|shape| shape.segments().len().max(1)).sum();
         self.spend(Cost::Drawn, pieces, node, context)?;
         let in_mm: Vec<Shape> = shapes.iter().map(|shape| transformed(shape, &map)).collect();
@@ -643,7 +751,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         let width =
             if style.fixed_width { style.stroke_width * self.pixel } else { style.stroke_width * scale };
         self.note_width(node, context, width);
-        let dashes = self.dashes(node, &shapes, style, scale, context);
+        let dashes = self.dashes(node, &shapes, style, scale, stated, context);
         let color = color(stroke);
         let is_hairline = width < self.hairline;
         if self.strokes == Strokes::Band && is_hairline {
@@ -773,33 +881,36 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
     }
 
-    /// The dashes of a stroke and where they begin; `None` for a whole line.
+    /// The dashes of a stroke and where they begin; `None` for a whole line. `stated` is the `pathLength`.
     fn dashes(
         &mut self,
         node: Node<'a, 'd>,
         shapes: &[Shape],
         style: &Style,
         scale: f64,
+        stated: Option<f64>,
         context: &Context,
     ) -> Option<(Vec<f64>, f64)> {
         if style.dashes.is_empty() {
             return None;
         }
-        let factor = if style.fixed_width { self.pixel / scale } else { 1.0 };
+        let length = area::path_length(shapes, TOLERANCE / scale);
+        let of_width = if style.fixed_width { self.pixel / scale } else { 1.0 };
+        // Dashes are shares of the length that the path states.
+        let factor = stated.filter(|_| length > 0.0).map_or(of_width, |stated| length / stated);
         let mut pattern: Vec<f64> = style.dashes.iter().map(|dash| dash * factor).collect();
         if pattern.len() % 2 == 1 {
             pattern.extend_from_within(..);
         }
         if style.cap != kurbo::Cap::Butt {
             // A dash without length shows only its ends; it needs a direction.
-            let least = style.stroke_width * factor * area::LEAST_DASH;
+            let least = style.stroke_width * of_width * area::LEAST_DASH;
             for at in (0..pattern.len()).step_by(2).filter(|at| pattern[*at] < least).collect::<Vec<_>>() {
                 pattern[at] = least;
                 pattern[at + 1] = (pattern[at + 1] - least).max(0.0);
             }
         }
         let period: f64 = pattern.iter().sum();
-        let length = area::path_length(shapes, TOLERANCE / scale);
         let number = length / period * pattern.len() as f64;
         if !(number < MAX_DASHES) || pattern.len() > 1000 || self.budget.work(number as usize * 64).is_err() {
             let name = self.lines.name(node, &context.layer);
@@ -968,14 +1079,20 @@ impl<'a, 'd> Walk<'a, 'd> {
     /// The result of work on areas, or the error if it exceeds the budget.
     pub(super) fn within<T>(
         &self,
-        done: Result<T, Exceeded>,
+        done: Result<T, Unworkable>,
         node: Node<'a, 'd>,
         context: &Context,
     ) -> Result<T, PatternReadError> {
-        done.map_err(|_| PatternReadError::TooMany {
-            what: "corners and crossings in an outline",
-            limit: 1_000_000,
-            entity: Some(self.lines.name(node, &context.layer)),
+        let entity = || self.lines.name(node, &context.layer);
+        done.map_err(|why| match why {
+            Unworkable::Exceeded => PatternReadError::TooMany {
+                what: "corners and crossings in an outline",
+                limit: 1_000_000,
+                entity: Some(entity()),
+            },
+            Unworkable::OutOfRange(reach) => {
+                PatternReadError::OutOfRange { entity: entity(), reach, limit: MAX_COORDINATE }
+            }
         })
     }
 
@@ -1032,29 +1149,13 @@ fn is_eligible(node: Node<'_, '_>) -> bool {
         && !DEFINITIONS.contains(&node.tag_name().name())
 }
 
-/// The context inside a nested drawing at a place, with its `viewBox`. What is outside its edges is cut off, as
-/// programs show it, unless `overflow` allows it.
-fn nested(node: Node<'_, '_>, context: &Context, at: [f64; 2], size: Vector2<f64>) -> Context {
-    let shift = Affine { linear: Matrix2::identity(), offset: Vector2::from(at) };
-    let map = context.map.after(&shift);
-    let mut inner = match view_box(node) {
-        Some(view) => Context {
-            map: map.after(&fitted(node, view, size)),
-            viewport: Vector2::new(view.w, view.h),
-            ..context.clone()
-        },
-        None => Context { map, viewport: size, ..context.clone() },
-    };
-    if !context.style.overflows {
-        let corners = [[0.0, 0.0], [size.x, 0.0], [size.x, size.y], [0.0, size.y]];
-        let mut edges: Vec<[f64; 2]> =
-            corners.map(|[x, y]| map.point(FlatPoint::new(x, y))).map(|corner| [corner.x, corner.y]).to_vec();
-        if map.linear.determinant() < 0.0 {
-            edges.reverse();
-        }
-        inner.clip_to(vec![edges]);
-    }
-    inner
+/// Why an attribute or property with this text cannot be read.
+pub(super) fn unread_length(name: &str, text: &str) -> String {
+    let text: String = text.chars().take(60).collect();
+    format!(
+        "its `{name}` of `{text}` cannot be read: write a number with a decimal point and a unit of CSS or none, or export the \
+         drawing again"
+    )
 }
 
 fn color(paint: Paint) -> Color {
