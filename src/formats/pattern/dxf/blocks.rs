@@ -422,9 +422,7 @@ impl<'u> Unfolding<'u> {
         self.spend(Cost::Drawn, segments.len().max(1), record)?;
         for segment in segments {
             self.check_reach(segment.reach(), record)?;
-            self.include_height(segment.start().z);
-            self.include_height(segment.end().z);
-            self.include_height(segment.middle().z);
+            segment.heights().into_iter().for_each(|z| self.include_height(z));
         }
         let flat = segments.iter().map(super::curves::SpaceSegment::seen_from_above).collect();
         Ok(if closed { Shape::Closed(flat) } else { Shape::Open(flat) })
