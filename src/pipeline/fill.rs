@@ -42,9 +42,17 @@ pub(super) fn tolerance(settings: &JobSettings) -> f64 {
     settings.correction.tolerance * if settings.fill.spacing.is_some() { CONTOUR_SHARE } else { 1.0 }
 }
 
+/// The placed drawing for the search for a map: with the aim `lengths`, outlines that nothing fills are lines.
+pub(super) fn for_map<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<'a, Pattern> {
+    match settings.correction.aim {
+        Aim::Lengths => as_marked(placed, settings),
+        _ => Cow::Borrowed(placed),
+    }
+}
+
 /// The placed drawing as the laser marks it: where the fill fills outlines, they bound regions as hatches do.
 pub(super) fn as_marked<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<'a, Pattern> {
-    if settings.fill.spacing.is_none() || settings.correction.aim != Aim::Lengths {
+    if settings.fill.spacing.is_none() {
         return Cow::Borrowed(placed);
     }
     let unused =
