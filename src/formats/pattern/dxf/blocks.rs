@@ -22,8 +22,8 @@ const MAX_DEPTH: usize = 32;
 pub(super) const IN_PAPER_SPACE: &str = "it is in paper space, not in model space";
 const IN_MODEL_SPACE: &str = "it is in model space, not on the sheet in paper space";
 /// The reason for listing a text that is drawn itself.
-const HIDES_LINES: &str =
-    "its background hides lines behind it, which would be marked: trim these lines, or remove the background";
+const HIDES_LINES: &str = "only its letters would be marked, not its background, which hides lines behind it: trim these lines, or \
+                           remove the background";
 const ON_OTHER_SHEET: &str = "it is on another sheet in paper space";
 /// Line weights up to this, mm, are those of any drawing: 0.25 is AutoCAD's default, and 0.35 the wide line of small ones.
 const USUAL_WEIGHT: f64 = 0.35;
