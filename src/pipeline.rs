@@ -295,7 +295,10 @@ impl Pipeline {
         let placed = placed_pattern.placed;
         let mut mapped = learned.recent.mapped(placed_pattern.ink, map, settings);
         // The ink of tiles is on several sides of the part.
-        let lines = tiles.is_none().then(|| mapped.without_open_areas(surface, &placed, settings)).flatten();
+        let lines = tiles
+            .is_none()
+            .then(|| mapped.without_open_areas(surface, settings, || fill::marked_ink(&placed, settings)))
+            .flatten();
         if let Some((lines, open)) = lines {
             let lines = learned.recent.mapped(lines, mapped.map.clone(), settings);
             if lines.exposure(surface).off_surface == 0 {

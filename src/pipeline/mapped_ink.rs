@@ -2,14 +2,12 @@
 
 use std::sync::OnceLock;
 
-use super::placing::marked_ink;
 use crate::config::JobSettings;
 use crate::geometry::correction::{Exposure, Projection};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::quality::{self, Distortion};
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::optics::{Fixture, ScanHead};
-use crate::geometry::pattern::Pattern;
 use crate::geometry::sensitivity::{PoseUncertainty, Sensitivity};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
@@ -61,12 +59,12 @@ impl MappedInk {
     pub(super) fn without_open_areas(
         &self,
         surface: &FittedSurface,
-        placed: &Pattern,
         settings: &JobSettings,
+        marked: impl FnOnce() -> Ink,
     ) -> Option<(Ink, Vec<FlatPoint>)> {
         let Exposure { off_surface, steepest, .. } = *self.exposure(surface);
         let is_marked = off_surface == 0 && steepest <= settings.optics.incidence.refuse;
-        let lines = || without_open_areas(&self.ink, placed, &self.projection(surface), settings);
+        let lines = || without_open_areas(&self.ink, &marked(), &self.projection(surface), settings);
         if is_marked { None } else { lines() }
     }
 
@@ -93,16 +91,16 @@ impl MappedInk {
     }
 }
 
-/// The ink of a placed drawing without the areas that nothing fills and that the laser cannot mark completely, because of a hole,
+/// The ink without the areas that are not in `marked`, because nothing fills them, and that the laser cannot mark completely, because of a hole,
 /// an edge or a steep side; with a place of each. `None` if there is no such area.
 pub(super) fn without_open_areas(
     ink: &Ink,
-    placed: &Pattern,
+    marked: &Ink,
     projection: &Projection<'_>,
     settings: &JobSettings,
 ) -> Option<(Ink, Vec<FlatPoint>)> {
     let is_reached = |at: FlatPoint| projection.reaches(at, settings.optics.incidence.refuse);
-    let (lines, open) = ink.clone().without_open_areas(&marked_ink(placed, settings), is_reached);
+    let (lines, open) = ink.clone().without_open_areas(marked, is_reached);
     (!open.is_empty()).then_some((lines, open))
 }
 

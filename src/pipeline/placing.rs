@@ -151,16 +151,10 @@ impl PlacedPattern {
         part: &CachedSurface,
         settings: &JobSettings,
     ) -> Reason {
-        let marked = marked_ink(&self.placed, settings);
+        let marked = fill::marked_ink(&self.placed, settings);
         let ink = if is_on_part(&marked, &part.surface) { &marked } else { &self.ink };
         checks::map_reason(error, self.placing.place, part, ink)
     }
-}
-
-/// The ink of a placed drawing without the areas inside outlines that nothing fills.
-pub(super) fn marked_ink(placed: &Pattern, settings: &JobSettings) -> Ink {
-    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    Ink::sample_as_marked(&fill::as_marked(placed, settings), is_ink, quality::PIECE, quality::SQUARE)
 }
 
 /// The placement of a drawing: its anchor, the anchor's place in the view, and the rigid motion between them.
