@@ -293,7 +293,19 @@ impl Pipeline {
         let settings = &rolled.settings;
         let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
         let placed = placed_pattern.placed;
-        let mapped = learned.recent.mapped(placed_pattern.ink, map, settings);
+        let mut mapped = learned.recent.mapped(placed_pattern.ink, map, settings);
+        // The ink of tiles is on several sides of the part.
+        let lines = tiles
+            .is_none()
+            .then(|| mapped.without_open_areas(surface, settings, || fill::marked_ink(&placed, settings)))
+            .flatten();
+        if let Some((lines, open)) = lines {
+            let lines = learned.recent.mapped(lines, mapped.map.clone(), settings);
+            if lines.exposure(surface).off_surface == 0 {
+                notices.push(checks::open_areas(&open, &lines.map));
+                mapped = lines;
+            }
+        }
         let (ink, map, projection) = (&mapped.ink, &mapped.map, mapped.projection(surface));
         let rejected = |reason: Reason| {
             let reason = checks::suggesting_place(reason, &placed, part, settings);

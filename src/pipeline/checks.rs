@@ -20,7 +20,7 @@ use crate::config::{Align, Anchor, Losses, OutsideMark, ViewSource, parse_facing
 use crate::formats::mesh::{PartFacts, SideFacts};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::optics::Lens;
-use crate::geometry::pattern::{Segment, Shape};
+use crate::geometry::pattern::Shape;
 use crate::geometry::primitive::Primitive;
 use crate::geometry::sides::thickness_behind;
 use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, View, ViewPoint};
@@ -106,6 +106,20 @@ pub(super) fn mark_region(
     )
     .at(Place { coordinate: Some(at.coords().iter().copied().collect()), ..Place::default() })
     .with_number("ink outside", percent, "%", Some(0.0)))
+}
+
+/// Mentions outlines that nothing fills round places that cannot be marked.
+pub(super) fn open_areas(places: &[FlatPoint], map: &LengthTrueMap) -> Notice {
+    let first = places.first().map_or(ViewPoint::new(0.0, 0.0), |at| map.point(*at));
+    let outlines = match places.len() {
+        1 => "an outline that nothing fills encloses a place".to_owned(),
+        count => format!("outlines that nothing fills enclose {count} places"),
+    };
+    let message = format!(
+        "{outlines} that cannot be marked (a hole, an edge or a steep side), as at ({:.2}, {:.2}) mm; such outlines are only          lines, and what they enclose does not count as an area. Do not fill them in the marking program",
+        first.x, first.y
+    );
+    Notice::note("outline-only", message)
 }
 
 /// Whether the marking frame in the part's file is used, where settings give another place or view.
@@ -316,14 +330,9 @@ pub(super) fn beside_part(
     let inked =
         placed.paths.iter().filter(|path| placed.layers.get(path.layer).is_some_and(|l| is_ink(&l.name)));
     let mut drawn = Extents::EMPTY;
-    for path in inked {
-        if let Shape::Dot(point) = path.shape {
-            drawn.include(point.coords());
-        }
-        for Extents { min, max } in path.shape.segments().iter().map(Segment::extents) {
-            drawn.include(min);
-            drawn.include(max);
-        }
+    for Extents { min, max } in inked.map(|path| path.shape.extents()).filter(|extents| !extents.is_empty()) {
+        drawn.include(min);
+        drawn.include(max);
     }
     if drawn.is_empty() {
         return Ok(());

@@ -2,13 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::mapped_ink::measured;
+use super::mapped_ink::{measured, without_open_areas};
 use super::placing::PlacedPattern;
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
 use super::{checks, chords, fill, hash, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::geometry::correction::Projection;
+use crate::geometry::ink::Ink;
 use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
 use crate::geometry::mapping::{self, LengthTrueMap};
@@ -234,7 +235,7 @@ fn row(
     let label = label(settings, &variant);
     clock.lap("measure");
     let method = only.map_or_else(|| method(settings), mapping::Method::Isometric);
-    let marked = fill::as_marked(pattern, settings);
+    let marked = fill::for_map(pattern, settings);
     let map = LengthTrueMap::find(surface, &marked, is_ink, placing.place, &method);
     clock.lap(&format!("map {label}"));
     let map_ms = clock.laps.last().map_or(0.0, |lap| lap.ms);
@@ -247,20 +248,22 @@ fn row(
         reason: None,
         note: None,
     };
-    let results =
-        map.map_err(|error| checks::map_reason(&error, placing.place, &learned.kept, ink)).and_then(|map| {
-            let mut distortion = measured(ink, &map, &|at| map.point(at), surface)
-                .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))?;
-            let projection =
-                Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
-            let shortened = match map {
-                LengthTrueMap::Plain => chords::as_drawn(&projection, pattern, settings),
-                _ => chords::bend(&projection, pattern, settings)
-                    .map(|bent| chords::of_ink(pattern, &bent.shortening, settings)),
-            };
-            distortion.shorten(shortened.map_err(|error| checks::not_reached(error.at, settings))?);
-            Ok((map, distortion))
-        });
+    let results = map.map_err(|error| placed.map_reason(&error, &learned.kept, settings)).and_then(|map| {
+        let projection =
+            Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
+        let measure = |ink: &Ink| measured(ink, &map, &|at| map.point(at), surface);
+        let lines = || without_open_areas(ink, &fill::marked_ink(pattern, settings), &projection, settings);
+        let mut distortion = measure(ink)
+            .or_else(|at| lines().map_or(Err(at), |(lines, _)| measure(&lines)))
+            .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))?;
+        let shortened = match map {
+            LengthTrueMap::Plain => chords::as_drawn(&projection, pattern, settings),
+            _ => chords::bend(&projection, pattern, settings)
+                .map(|bent| chords::of_ink(pattern, &bent.shortening, settings)),
+        };
+        distortion.shorten(shortened.map_err(|error| checks::not_reached(error.at, settings))?);
+        Ok((map, distortion))
+    });
     match results {
         Err(reason) => EvaluationRow { reason: Some(checks::doubting_unit(reason, facts)), ..empty },
         Ok((map, distortion)) => {

@@ -7,6 +7,8 @@ use super::checks;
 use super::landmarks::Lift;
 use super::{Aim, JobSettings, MarkingDrawing, Pattern, Projection};
 use crate::geometry::fill::{self, FillError, FillLine, FillOptions, Filling};
+use crate::geometry::ink::Ink;
+use crate::geometry::mapping::quality;
 use crate::geometry::marking::{MarkingPath, MarkingShape};
 use crate::geometry::pattern::{Layer, Path, Segment, Shape, Source};
 use crate::geometry::space::FlatPoint;
@@ -42,9 +44,17 @@ pub(super) fn tolerance(settings: &JobSettings) -> f64 {
     settings.correction.tolerance * if settings.fill.spacing.is_some() { CONTOUR_SHARE } else { 1.0 }
 }
 
+/// The placed drawing for the search for a map: with the aim `lengths`, outlines that nothing fills are lines.
+pub(super) fn for_map<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<'a, Pattern> {
+    match settings.correction.aim {
+        Aim::Lengths => as_marked(placed, settings),
+        _ => Cow::Borrowed(placed),
+    }
+}
+
 /// The placed drawing as the laser marks it: where the fill fills outlines, they bound regions as hatches do.
 pub(super) fn as_marked<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<'a, Pattern> {
-    if settings.fill.spacing.is_none() || settings.correction.aim != Aim::Lengths {
+    if settings.fill.spacing.is_none() {
         return Cow::Borrowed(placed);
     }
     let unused =
@@ -59,6 +69,12 @@ pub(super) fn as_marked<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<
         }
     }
     Cow::Owned(marked)
+}
+
+/// The ink of a placed drawing without the areas inside outlines that nothing fills.
+pub(super) fn marked_ink(placed: &Pattern, settings: &JobSettings) -> Ink {
+    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+    Ink::sample_as_marked(&as_marked(placed, settings), is_ink, quality::PIECE, quality::SQUARE)
 }
 
 /// Adds the lines of the fill to the corrected drawing, on their own layers after everything else. `turn` is the direction of the

@@ -54,6 +54,20 @@ impl MappedInk {
         Projection { map: &self.map, surface, fixture: self.fixture, head: self.head }
     }
 
+    /// The ink whose outlines are only lines where nothing fills them and the laser cannot mark all that they enclose; see
+    /// [`without_open_areas`]. `None` if it can mark all.
+    pub(super) fn without_open_areas(
+        &self,
+        surface: &FittedSurface,
+        settings: &JobSettings,
+        marked: impl FnOnce() -> Ink,
+    ) -> Option<(Ink, Vec<FlatPoint>)> {
+        let Exposure { off_surface, steepest, .. } = *self.exposure(surface);
+        let is_marked = off_surface == 0 && steepest <= settings.optics.incidence.refuse;
+        let lines = || without_open_areas(&self.ink, &marked(), &self.projection(surface), settings);
+        if is_marked { None } else { lines() }
+    }
+
     /// The part under the ink, as the beam reaches it.
     pub(super) fn exposure(&self, surface: &FittedSurface) -> &Exposure {
         self.exposure.get_or_init(|| self.projection(surface).expose(&self.ink))
@@ -75,6 +89,19 @@ impl MappedInk {
             Ok((after, measured(ink, map, &|at| ViewPoint::from(at.coords()), surface).ok()))
         })
     }
+}
+
+/// The ink without the areas that are not in `marked`, because nothing fills them, and that the laser cannot mark completely, because of a hole,
+/// an edge or a steep side; with a place of each. `None` if there is no such area.
+pub(super) fn without_open_areas(
+    ink: &Ink,
+    marked: &Ink,
+    projection: &Projection<'_>,
+    settings: &JobSettings,
+) -> Option<(Ink, Vec<FlatPoint>)> {
+    let is_reached = |at: FlatPoint| projection.reaches(at, settings.optics.incidence.refuse);
+    let (lines, open) = ink.clone().without_open_areas(marked, is_reached);
+    (!open.is_empty()).then_some((lines, open))
 }
 
 /// The errors that a drawing has on the part if `place` projects it, estimated from above. Where the part is recognised as a

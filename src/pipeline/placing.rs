@@ -11,8 +11,8 @@ use crate::cache::CachedSurface;
 use crate::config::{Align, Anchor, JobSettings, Sku, ViewSource};
 use crate::formats::pattern::{self, PatternFacts, PatternOptions, PatternReadError, PatternReading};
 use crate::geometry::ink::Ink;
-use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::quality;
+use crate::geometry::mapping::{LengthTrueMap, MapError, is_on_part};
 use crate::geometry::pattern::{Affine, Pattern};
 use crate::geometry::space::FlatPoint;
 use crate::reason::{Notice, Reason};
@@ -64,16 +64,12 @@ impl Pipeline {
         };
         let find = |pattern: &PlacedPattern| {
             let place = pattern.placing.place;
-            let marked = fill::as_marked(&pattern.placed, settings);
+            let marked = fill::for_map(&pattern.placed, settings);
             let found = learned.recent.map(&marked, is_ink, place, method, || {
                 LengthTrueMap::find(&part.surface, &marked, is_ink, place, &method)
             });
             found.map_err(|error| {
-                rejected(
-                    checks::map_reason(&error, place, part, &pattern.ink),
-                    &pattern.facts,
-                    &pattern.placed,
-                )
+                rejected(pattern.map_reason(&error, part, settings), &pattern.facts, &pattern.placed)
             })
         };
         let map = find(&pattern)?;
@@ -144,6 +140,20 @@ impl Pipeline {
         self.check_pace(work, QUICK_WORK)?;
         clock.lap("place");
         Ok(PlacedPattern { facts, placing, placed, ink })
+    }
+}
+
+impl PlacedPattern {
+    /// Why there is no map. What outlines enclose beside the part is no reason if nothing fills it.
+    pub(super) fn map_reason(
+        &self,
+        error: &MapError,
+        part: &CachedSurface,
+        settings: &JobSettings,
+    ) -> Reason {
+        let marked = fill::marked_ink(&self.placed, settings);
+        let ink = if is_on_part(&marked, &part.surface) { &marked } else { &self.ink };
+        checks::map_reason(error, self.placing.place, part, ink)
     }
 }
 

@@ -1357,6 +1357,14 @@ const CODES: &[Code] = &[
          are wider and paler at the ends of this range.",
         "Set the focus to the height in the message to spread the blur evenly, or mark the drawing in several jobs.",
     ]),
+    notice([
+        "outline-only",
+        "An outline encloses places that cannot be marked, and only its line counts.",
+        "Inside a closed outline that nothing fills (no HATCH, no `--fill`) there is a hole, an edge or a side that is too steep, \
+         as inside a dial round a shaft. All its lines are on the part, so it is marked. What it encloses is no area then: it is \
+         neither checked nor in the area errors. Lines and filled areas beside the part are still rejected.",
+        "Make sure that the marking program does not fill the outline. If it must be filled, move it away from the hole.",
+    ]),
     reason([
         "outside-field",
         "The corrected drawing reaches beyond the marking field.",

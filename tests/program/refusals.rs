@@ -1,6 +1,6 @@
 //! Invalid input: the exit code, and a message with file, place, number and remedy.
 
-use crate::desk::{Desk, Output, drawing, numbers, part};
+use crate::desk::{Desk, Output, drawing, number, numbers, part};
 
 const MOUSE: &str = "mouse/fc020-gui.glb";
 
@@ -200,6 +200,71 @@ fn drawings_that_are_not_on_the_part() {
     // A stray line a hundred metres away.
     correct(&desk, &part(MOUSE), &drawing("ez-defects"), "")
         .refused(1, &["the drawing x 0.0 to 100000.0", "what to do: Delete stray lines", "isomark inspect"]);
+}
+
+/// The plate with a block of 40 x 40 x 3 mm instead of the hole.
+fn plate_with_block() -> String {
+    let mut text = plate_with_hole();
+    for [x, y] in [[-20, -20], [20, -20], [20, 20], [-20, 20]] {
+        text += &format!("v {x} {y} 8\n");
+    }
+    let foot = [6, 7, 11, 10];
+    text += "f 17 18 19 20\n";
+    for (side, next) in (0..4).map(|side| (side, (side + 1) % 4)) {
+        text += &format!("f {} {} {} {}\n", foot[side], foot[next], 17 + next, 17 + side);
+    }
+    text
+}
+
+/// A ring of radius 35 mm about (x, 0), as a line or as a filled area.
+fn ring(x: f64, is_filled: bool) -> String {
+    let entity = match is_filled {
+        false => format!("0\nCIRCLE\n8\n0\n10\n{x}\n20\n0\n40\n35\n"),
+        true => format!(
+            "0\nHATCH\n8\n0\n10\n0\n20\n0\n30\n0\n2\nSOLID\n70\n1\n71\n0\n91\n1\n92\n1\n93\n1\n72\n2\n10\n{x}\n20\n0\n\
+             40\n35\n50\n0\n51\n360\n73\n1\n97\n0\n75\n0\n76\n1\n98\n0\n"
+        ),
+    };
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$ACADVER\n1\nAC1015\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n\
+         {entity}0\nENDSEC\n0\nEOF\n"
+    )
+}
+
+/// On a plate, the true ring is the ring as it is drawn.
+#[test]
+fn an_outline_round_a_hole_or_a_boss_is_only_its_line() {
+    let desk = Desk::new();
+    desk.write("hole.obj", plate_with_hole());
+    desk.write("block.obj", plate_with_block());
+    desk.write("ring.dxf", ring(0.0, false));
+    desk.write("hatch.dxf", ring(0.0, true));
+    desk.write("beside.dxf", ring(30.0, false));
+    let z_up = "--part-unit mm --part-up z";
+    for part in ["hole.obj", "block.obj"] {
+        for filled in [("hatch.dxf", ""), ("ring.dxf", "--fill 0.5"), ("beside.dxf", "")] {
+            let options = format!("{z_up} {}", filled.1);
+            correct(&desk, part, filled.0, &options).refused(1, &["ink without surface"]);
+        }
+    }
+    for (part, aim) in [("hole.obj", "balanced"), ("hole.obj", "lengths"), ("block.obj", "balanced")] {
+        let report = desk.correct(part, "ring.dxf", &format!("{z_up} --aim {aim}"));
+        let extents = numbers(&report, "/output/extents_mm");
+        let expected = [-35.0, -35.0, 35.0, 35.0];
+        assert!(
+            extents.iter().zip(expected).all(|(side, true_side)| (side - true_side).abs() < 0.02),
+            "{part}: {extents:?}"
+        );
+        let error = number(&report, "/quality/after/length_error_mm");
+        assert!(error < 1e-3 * 70.0 * std::f64::consts::PI, "{part}: {error}");
+        let codes: Vec<&str> = report["notices"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter_map(|notice| notice["code"].as_str())
+            .collect();
+        assert!(codes.contains(&"outline-only"), "{part}: {codes:?}");
+    }
 }
 
 #[test]

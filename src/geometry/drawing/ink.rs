@@ -1,5 +1,6 @@
 //! Where the drawing puts ink: short pieces along its lines, and small squares over its inked areas.
 
+mod open_areas;
 mod outlines;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -333,11 +334,7 @@ fn join_consecutive(pieces: &mut Vec<Piece>, longest: f64) {
 
 /// The squares of an axis-parallel grid, and those that are inside the contours of any group, by the even-odd rule in each.
 fn grid_inside(groups: &[&[Vec<FlatPoint>]], extents: &Extents, side: f64) -> Inked {
-    let size = extents.size();
-    let (columns, rows) = ((size.x / side).ceil() as usize, (size.y / side).ceil() as usize);
-    // Centred, so that a symmetric drawing is sampled symmetrically.
-    let origin = extents.center() - Vector2::new(columns as f64, rows as f64) * (side / 2.0);
-    let mut inked = vec![false; columns * rows];
+    let Inked { origin, columns, rows, squares: mut inked, .. } = Inked::none(extents, side);
     let mut crossings: Vec<Vec<f64>> = vec![Vec::new(); rows];
     for group in groups {
         crossings.iter_mut().for_each(Vec::clear);
@@ -360,7 +357,7 @@ fn grid_inside(groups: &[&[Vec<FlatPoint>]], extents: &Extents, side: f64) -> In
             }
         }
     }
-    Inked { origin: origin.into(), side, columns, rows, squares: inked }
+    Inked { origin, side, columns, rows, squares: inked }
 }
 
 /// The centres of those squares of an axis-parallel grid that are filled when outlines are filled too: those inside the
@@ -401,6 +398,26 @@ struct Inked {
 }
 
 impl Inked {
+    /// The grid over a rectangle, without inked squares.
+    fn none(extents: &Extents, side: f64) -> Self {
+        let size = extents.size();
+        let (columns, rows) = ((size.x / side).ceil() as usize, (size.y / side).ceil() as usize);
+        // Centred, so that a symmetric drawing is sampled symmetrically.
+        let origin = extents.center() - Vector2::new(columns as f64, rows as f64) * (side / 2.0);
+        Self { origin: origin.into(), side, columns, rows, squares: vec![false; columns * rows] }
+    }
+
+    /// Those squares of the grid over a rectangle that have these centres.
+    fn of(centers: &[FlatPoint], extents: &Extents, side: f64) -> Self {
+        let mut inked = Self::none(extents, side);
+        for center in centers {
+            let place = (*center - inked.origin) / side;
+            let index = place.y as usize * inked.columns + place.x as usize;
+            inked.squares.get_mut(index).into_iter().for_each(|inked| *inked = true);
+        }
+        inked
+    }
+
     fn at(&self, column: usize, row: usize) -> bool {
         column < self.columns && self.squares.get(row * self.columns + column).copied().unwrap_or(false)
     }

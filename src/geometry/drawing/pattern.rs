@@ -371,6 +371,19 @@ impl Shape {
         }
     }
 
+    /// The bounding rectangle, mm; see [`Segment::extents`].
+    pub fn extents(&self) -> Extents {
+        let mut extents = match self {
+            Self::Dot(point) => Extents::of([point.coords()]),
+            Self::Open(_) | Self::Closed(_) => Extents::EMPTY,
+        };
+        for Extents { min, max } in self.segments().iter().map(Segment::extents) {
+            extents.include(min);
+            extents.include(max);
+        }
+        extents
+    }
+
     /// Whether the shape is a contour.
     pub fn is_closed(&self) -> bool {
         matches!(self, Self::Closed(_))

@@ -1,5 +1,7 @@
 //! How the beam reaches the ink: whether there is surface, at which angle and height, and where in the field.
 
+use nalgebra::Point3;
+
 use super::correction::{Exposure, Projection};
 use crate::geometry::ink::{Block, Ink, is_before};
 use crate::geometry::relief::{Cover, Relief, ReliefMap};
@@ -81,11 +83,23 @@ impl Projection<'_> {
         }
     }
 
+    /// Whether there is surface at the image of a point of the drawing, and the beam meets it at most this far from its normal,
+    /// rad.
+    pub fn reaches(&self, flat: FlatPoint, steepest: f64) -> bool {
+        let (view, landing) = self.landing(flat);
+        self.surface.field.is_surface(view) && self.incidence(flat, landing) <= steepest
+    }
+
+    /// The angle between beam and normal where the image of a point of the drawing lands, rad.
+    fn incidence(&self, flat: FlatPoint, landing: Point3<f64>) -> f64 {
+        let normal = self.fixture.direction(self.map.normal(self.surface, flat));
+        normal.dot(&self.head.towards(landing)).clamp(-1.0, 1.0).acos()
+    }
+
     /// Includes a place on the surface; returns the angle between beam and normal there, rad.
     fn include(&self, flat: FlatPoint, exposure: &mut Exposure) -> f64 {
         let (view, landing) = self.landing(flat);
-        let normal = self.fixture.direction(self.map.normal(self.surface, flat));
-        let incidence = normal.dot(&self.head.towards(landing)).clamp(-1.0, 1.0).acos();
+        let incidence = self.incidence(flat, landing);
         if incidence > exposure.steepest {
             (exposure.steepest, exposure.steepest_at) = (incidence, view);
         }

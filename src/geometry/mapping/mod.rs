@@ -175,8 +175,8 @@ impl LengthTrueMap {
         }
     }
 
-    /// The map that the options ask for, if it is not worse than the drawing as it is in what they keep first. `ink` is the
-    /// drawing with the areas of its outlines.
+    /// The map that the options ask for. What outlines enclose where there is no surface has no weight: the surface that
+    /// closes a hole has any shape.
     fn isometric(
         surface: &FittedSurface,
         drawing: (&Pattern, &dyn Fn(&str) -> bool),
@@ -184,7 +184,52 @@ impl LengthTrueMap {
         anchor: FlatPoint,
         options: &IsometricOptions,
     ) -> Result<Self, MapError> {
-        let (map, ink) = Self::weighed(surface, drawing, ink, anchor, options)?;
+        if is_on_part(&ink, surface) {
+            return Self::least_strained(surface, drawing, ink, anchor, options);
+        }
+        let marked = Ink::sample_as_marked(drawing.0, drawing.1, COARSE_PIECE, COARSE_SQUARE);
+        let found = Self::least_strained(surface, drawing, ink.clone(), anchor, options);
+        let place = |at: FlatPoint| found.as_ref().map_or(at.coords().into(), |map| map.point(at));
+        let (lines, open) = ink.without_open_areas(&marked, |at| surface.field.is_surface(place(at)));
+        if open.is_empty() {
+            return found;
+        }
+        if let Some(as_drawn) = Self::true_as_drawn(surface, &lines, anchor, options) {
+            return Ok(as_drawn);
+        }
+        // Without any area, the solver would take the cells that lines enclose.
+        let are_outlines_areas = options.are_outlines_areas && !lines.squares.is_empty();
+        let options = IsometricOptions { are_outlines_areas, ..*options };
+        Self::least_strained(surface, drawing, lines, anchor, &options)
+    }
+
+    /// The drawing as it is, if it is on the part and needs no correction: what is under its ink is a plane.
+    fn true_as_drawn(
+        surface: &FittedSurface,
+        ink: &Ink,
+        anchor: FlatPoint,
+        options: &IsometricOptions,
+    ) -> Option<Self> {
+        let mut as_drawn = IsometricMap::as_drawn(ink, anchor, options);
+        as_drawn.instead = None;
+        let is_true = is_on_part(ink, surface) && as_drawn.is_true(&surface.nurbs, ink);
+        is_true.then_some(Self::Isometric(as_drawn))
+    }
+
+    /// The map that the options ask for, if it is not worse than the drawing as it is in what they keep first. `ink` is the
+    /// drawing with the areas of its outlines.
+    fn least_strained(
+        surface: &FittedSurface,
+        drawing: (&Pattern, &dyn Fn(&str) -> bool),
+        ink: Ink,
+        anchor: FlatPoint,
+        options: &IsometricOptions,
+    ) -> Result<Self, MapError> {
+        let (map, ink) = match Self::weighed(surface, drawing, ink.clone(), anchor, options) {
+            Ok(found) => found,
+            // The search starts at the anchor, which may be on a boss inside a dial.
+            Err(error) => return Self::true_as_drawn(surface, &ink, anchor, options).ok_or(error),
+        };
         let (nurbs, first) = (&surface.nurbs, options.first);
         let as_drawn = IsometricMap::as_drawn(&ink, anchor, options);
         let is_worse = |map: &IsometricMap| map.is_worse_than(&as_drawn, nurbs, &ink, first);
@@ -453,10 +498,10 @@ fn reach(ink: &Ink, anchor: FlatPoint) -> f64 {
 }
 
 /// Whether all ink is on the part without a correction.
-fn is_on_part(ink: &Ink, surface: &FittedSurface) -> bool {
+pub fn is_on_part(ink: &Ink, surface: &FittedSurface) -> bool {
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]);
     let mut places = ends.chain(ink.squares.iter().chain(&ink.dots).copied());
-    places.all(|at| surface.sampled_height(at.coords().into()).is_some())
+    places.all(|at| surface.field.is_surface(at.coords().into()))
 }
 
 /// Lengths that are wrong by at most this share are true.

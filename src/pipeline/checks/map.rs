@@ -55,7 +55,9 @@ pub(in crate::pipeline) fn map_reason(
     let beside = samples.iter().filter(|at| !surface.field.is_surface(**at)).count();
     let middle = seen(place);
     let first = samples.iter().find(|at| !surface.field.is_surface(**at));
-    if let Some(at) = if surface.field.is_surface(middle) { first } else { Some(&middle) } {
+    // The middle of a dial may be in the hole of its shaft.
+    let of_middle = Some(&middle).filter(|middle| !surface.field.is_surface(**middle));
+    if let Some(at) = first.map(|first| of_middle.unwrap_or(first)) {
         let percent = 100.0 * beside as f64 / samples.len() as f64;
         return off_surface(*at, part, &ink.extents).with_number(
             "ink without surface",

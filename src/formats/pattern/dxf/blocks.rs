@@ -10,16 +10,20 @@ use super::super::error::{EntityName, PatternReadError};
 use super::budget::{Budget, Cost};
 use super::curves::{Curve, Placement, vanishing};
 use super::items::{Insert, Item, Reader, Remarks, WideLine};
+use super::masks::Mask;
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
 use crate::formats::pattern::{PatternOptions, Skipped, Space, is_among};
 use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
-use crate::geometry::space::FlatPoint;
+use crate::geometry::space::{Extents, FlatPoint};
 
 /// Largest depth of nested blocks.
 const MAX_DEPTH: usize = 32;
 pub(super) const IN_PAPER_SPACE: &str = "it is in paper space, not in model space";
 const IN_MODEL_SPACE: &str = "it is in model space, not on the sheet in paper space";
+/// The reason for listing a text that is drawn itself.
+const HIDES_LINES: &str = "only its letters would be marked, not its background, which hides lines behind it: trim these lines, or \
+                           remove the background";
 const ON_OTHER_SHEET: &str = "it is on another sheet in paper space";
 /// Line weights up to this, mm, are those of any drawing: 0.25 is AutoCAD's default, and 0.35 the wide line of small ones.
 const USUAL_WEIGHT: f64 = 0.35;
@@ -80,6 +84,7 @@ pub(super) fn unfold(
         budget,
         regions: 0,
         open_blocks: Vec::new(),
+        masks: Vec::new(),
         hairline: options.hairline,
         ink_layers: options.ink_layers.as_deref(),
         is_paper: sheet.is_some(),
@@ -111,6 +116,7 @@ pub(super) fn unfold(
             }
         }
     }
+    unfolding.list_masks()?;
     Ok(unfolding.result)
 }
 
@@ -161,12 +167,22 @@ struct Unfolding<'u> {
     budget: &'u mut Budget,
     regions: u32,
     open_blocks: Vec<String>,
+    masks: Vec<PlacedMask>,
     /// Width below which lines are drawn without a width, mm.
     hairline: f64,
     /// The layers that are marked; all if none is named.
     ink_layers: Option<&'u [String]>,
     /// Whether a sheet in paper space is read.
     is_paper: bool,
+}
+
+/// The background of a text at its final place.
+struct PlacedMask {
+    mask: Mask,
+    /// Number of paths before it in the file.
+    before: usize,
+    /// The text in the inventory, and its final layer.
+    text: (usize, String),
 }
 
 impl<'u> Unfolding<'u> {
@@ -293,6 +309,13 @@ impl<'u> Unfolding<'u> {
                 self.include_height(point.z);
                 let shape = Shape::Dot(FlatPoint::new(point.x, point.y));
                 self.push(shape, None, look, record);
+            }
+            Item::Mask(corners) => {
+                let corners = corners.map(|corner| context.placement.point(corner));
+                self.check_reach(corners.iter().map(|corner| corner.amax()).fold(0.0, f64::max), record)?;
+                let mask = Mask::new(corners.map(|corner| FlatPoint::new(corner.x, corner.y)));
+                let (before, text) = (self.result.paths.len(), (index, look.layer.to_owned()));
+                self.masks.extend(mask.map(|mask| PlacedMask { mask, before, text }));
             }
             Item::Curve(curve) => {
                 let segments = placed(curve);
@@ -422,12 +445,36 @@ impl<'u> Unfolding<'u> {
         self.spend(Cost::Drawn, segments.len().max(1), record)?;
         for segment in segments {
             self.check_reach(segment.reach(), record)?;
-            self.include_height(segment.start().z);
-            self.include_height(segment.end().z);
-            self.include_height(segment.middle().z);
+            segment.heights().into_iter().for_each(|z| self.include_height(z));
         }
         let flat = segments.iter().map(super::curves::SpaceSegment::seen_from_above).collect();
         Ok(if closed { Shape::Closed(flat) } else { Shape::Open(flat) })
+    }
+
+    /// Lists the texts whose backgrounds hide lines that would be marked.
+    fn list_masks(&mut self) -> Result<(), PatternReadError> {
+        let masks = std::mem::take(&mut self.masks);
+        if masks.is_empty() {
+            return Ok(());
+        }
+        let structure = self.structure;
+        let extents: Vec<Extents> = self.result.paths.iter().map(|path| path.shape.extents()).collect();
+        let is_ink: Vec<bool> =
+            self.result.layer_names.iter().map(|layer| is_among(self.ink_layers, layer)).collect();
+        for PlacedMask { mask, before, text: (index, layer) } in masks {
+            let Some(record) = structure.entities.get(index) else { continue };
+            // In another order than that of the file, everything may be behind the text but the text itself.
+            let before = if structure.has_draw_order { self.result.paths.len() } else { before };
+            let own = structure.handle(self.scan, record);
+            self.spend(Cost::Steps, before, record)?;
+            let behind = self.result.paths.iter().zip(&extents).take(before).filter(|(path, _)| {
+                is_ink.get(path.layer) == Some(&true) && (own.is_none() || path.source.handle != own)
+            });
+            if mask.hides(behind) && self.listed.insert((index, layer.clone(), HIDES_LINES.into())) {
+                self.skip(index, record, &layer, HIDES_LINES.into(), Missing::Ink);
+            }
+        }
+        Ok(())
     }
 
     fn spend(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {

@@ -3,7 +3,7 @@
 //! The extrusion direction gives the plane of an entity's OCS. Every curve becomes segments in the space of the block
 //! that contains it, and is projected from above only when it is placed.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::budget::{Budget, Exceeded};
 use crate::geometry::pattern::{Segment, Shape};
@@ -117,14 +117,29 @@ impl SpaceSegment {
 
     /// The segment as seen from above.
     pub(super) fn seen_from_above(&self) -> Segment {
-        let flat = |point: Vector3<f64>| FlatPoint::new(point.x, point.y);
+        self.projected(|vector| vector.xy())
+    }
+
+    /// Its lowest and highest z: exact, except for rational Bézier curves, see [`Segment::extents`].
+    pub(super) fn heights(&self) -> [f64; 2] {
+        let extents = self.projected(|vector| Vector2::new(vector.z, 0.0)).extents();
+        [extents.min.x, extents.max.x]
+    }
+
+    /// The image in a plane under a linear map.
+    fn projected(&self, linear: impl Fn(&Vector3<f64>) -> Vector2<f64>) -> Segment {
+        let flat = |point: &Vector3<f64>| FlatPoint::from(linear(point));
         match self {
-            Self::Line { from, to } => Segment::Line { from: flat(*from), to: flat(*to) },
-            Self::Arc { center, u, v, start, sweep } => {
-                Segment::Arc { center: flat(*center), u: u.xy(), v: v.xy(), start: *start, sweep: *sweep }
-            }
+            Self::Line { from, to } => Segment::Line { from: flat(from), to: flat(to) },
+            Self::Arc { center, u, v, start, sweep } => Segment::Arc {
+                center: flat(center),
+                u: linear(u),
+                v: linear(v),
+                start: *start,
+                sweep: *sweep,
+            },
             Self::Bezier { points, weights } => {
-                Segment::Bezier { points: points.map(flat), weights: *weights }
+                Segment::Bezier { points: points.each_ref().map(flat), weights: *weights }
             }
         }
     }

@@ -16,6 +16,8 @@ use super::structure::{RecordColor, Structure};
 pub(super) enum Item {
     /// A single spot.
     Dot(Vector3<f64>),
+    /// A background that hides what is drawn before it: the corners of a rectangle in circular order.
+    Mask([Vector3<f64>; 4]),
     /// A line or contour.
     Curve(Curve),
     /// Contours that bound one filled region.
@@ -42,6 +44,7 @@ impl Item {
         let placed = |contour: Curve| contour.placed(placement);
         match self {
             Self::Dot(point) => Self::Dot(placement.point(point)),
+            Self::Mask(corners) => Self::Mask(corners.map(|corner| placement.point(corner))),
             Self::Curve(curve) => Self::Curve(placed(curve)),
             Self::Fill(contours) => Self::Fill(contours.into_iter().map(placed).collect()),
             Self::Wide(line) => Self::Wide(Box::new(WideLine {

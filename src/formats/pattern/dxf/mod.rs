@@ -20,6 +20,7 @@ mod bands;
 mod hatch;
 mod hatch_lines;
 mod text;
+mod masks;
 mod blocks;
 mod findings;
 pub(super) mod space;

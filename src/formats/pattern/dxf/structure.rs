@@ -33,6 +33,8 @@ pub(super) struct Structure {
     pub(super) comments: Vec<String>,
     /// Number of block references that are clipped to a boundary.
     pub(super) clips: usize,
+    /// Whether entities are drawn in another order than that of the file.
+    pub(super) has_draw_order: bool,
     /// Whether a table entry has the name EZDXF.
     pub(super) has_ezdxf_entry: bool,
     kinds: Names,
@@ -290,6 +292,10 @@ pub(super) fn structure(scan: &mut Scan<'_>, budget: &mut Budget) -> Result<Stru
                 }
             }
             (b"OBJECTS", b"SPATIAL_FILTER") => found.clips += 1,
+            // A table without entries changes nothing.
+            (b"OBJECTS", b"SORTENTSTABLE") => {
+                found.has_draw_order |= pairs.iter().any(|pair| pair.code == 331);
+            }
             (b"OBJECTS", b"LAYOUT") => layout(scan, pairs, &mut found),
             (b"BLOCKS", b"BLOCK") => {
                 finish_block(&mut found, block.take());

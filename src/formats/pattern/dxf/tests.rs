@@ -222,3 +222,108 @@ fn a_drawing_with_sheets_only_suggests_to_read_them() {
         assert_eq!(word.parse().ok(), space, "{word}");
     }
 }
+
+/// The heights of round curves in tilted planes are their extrema, not those of their ends.
+#[test]
+fn curves_that_leave_the_plane_between_their_ends_are_not_flat() {
+    let tilted = "210\n0\n220\n0.6\n230\n0.8\n";
+    let circle = "8\n0\n10\n0\n20\n0\n40\n20\n";
+    let block = format!(
+        "0\nBLOCK\n2\nB\n10\n0\n20\n0\n30\n0\n0\nCIRCLE\n{circle}0\nENDBLK\n0\nBLOCK\n2\nC\n10\n0\n20\n0\n0\nENDBLK\n"
+    );
+    let edge = "0\nHATCH\n8\n0\n10\n0\n20\n0\n30\n0\n2\nSOLID\n70\n1\n71\n0\n91\n1\n92\n1\n93\n1\n72\n2\n10\n0\n20\n0\n40\n20\n50\n0\n51\n360\n73\n1\n97\n0\n75\n0\n76\n1\n98\n0\n";
+    let spline = "0\nSPLINE\n8\n0\n70\n8\n71\n3\n72\n8\n73\n4\n40\n0\n40\n0\n40\n0\n40\n0\n40\n1\n40\n1\n40\n1\n40\n1\n\
+                  10\n0\n20\n0\n30\n0\n10\n5\n20\n0\n30\n4\n10\n9\n20\n0\n30\n-4\n10\n14\n20\n0\n30\n0\n";
+    // A point at the angle t of a circle of radius 20 whose plane is tilted so is 20 · 0.6 · sin(t + turn) high.
+    let arc = |from: u32, to: u32| format!("0\nARC\n{circle}50\n{from}\n51\n{to}\n{tilted}");
+    let bulged = "0\nLWPOLYLINE\n8\n0\n90\n2\n70\n0\n10\n-20\n20\n0\n42\n-1\n10\n20\n20\n0\n";
+    let cases = [
+        (format!("0\nCIRCLE\n{circle}{tilted}"), 24.0),
+        (arc(30, 390), 24.0),
+        (arc(0, 90), 12.0),
+        (arc(45, 135), 12.0 * (1.0 - 0.5f64.sqrt())),
+        (
+            "0\nELLIPSE\n8\n0\n10\n0\n20\n0\n11\n16\n21\n0\n31\n12\n40\n0.5\n41\n0\n42\n6.283185307179586\n"
+                .into(),
+            24.0,
+        ),
+        (format!("{edge}{tilted}").replace("2\nSOLID", &format!("{tilted}2\nSOLID")), 24.0),
+        (format!("0\nINSERT\n8\n0\n2\nB\n10\n0\n20\n0\n{tilted}"), 24.0),
+        (format!("{bulged}{tilted}"), 12.0),
+        // 12 t (1 - t) (1 - 2t), which is 0 at both ends and in the middle.
+        (spline.into(), 4.0 / 3f64.sqrt()),
+    ];
+    let blocks = section("BLOCKS", &block);
+    for (entity, range) in cases {
+        let reading = read(&drawing(&blocks, &entity, ""), &PatternOptions::default()).unwrap();
+        let message = notice(&reading, "not-flat").unwrap_or_else(|| panic!("{entity}"));
+        let numbers: Vec<f64> = message.split([' ', '=']).filter_map(|word| word.parse().ok()).collect();
+        assert!((numbers[1] - numbers[0] - range).abs() < 2e-3, "{entity}: {message}");
+    }
+    let flat =
+        [format!("0\nCIRCLE\n{circle}30\n5\n"), format!("0\nCIRCLE\n{circle}210\n0\n220\n0\n230\n-1\n")];
+    for entity in flat {
+        let reading = read(&drawing("", &entity, ""), &PatternOptions::default()).unwrap();
+        assert_eq!(notice(&reading, "not-flat"), None, "{entity}");
+    }
+}
+
+/// A text 5 high with its lower left corner at (10, 5) and a background that reaches `(factor - 1) * 5` beyond it.
+fn text_with_background(fill: u32, factor: f64) -> String {
+    format!(
+        "0\nMTEXT\n5\n30\n8\nMARK\n10\n10\n20\n10\n40\n5\n71\n1\n1\nHHH\n45\n{factor}\n90\n{fill}\n63\n1\n"
+    )
+}
+
+fn line_at(y: f64, layer: &str) -> String {
+    format!("0\nLINE\n5\n2F\n8\n{layer}\n10\n0\n20\n{y}\n11\n60\n21\n{y}\n")
+}
+
+/// Like a WIPEOUT, a background would show lines that the drawing does not show.
+#[test]
+fn backgrounds_of_texts_are_lost_only_where_they_hide_ink() {
+    let text = text_with_background(3, 1.5);
+    let square = "0\nHATCH\n8\n0\n10\n0\n20\n0\n30\n0\n2\nSOLID\n70\n1\n71\n0\n91\n1\n92\n2\n72\n0\n73\n1\n93\n4\n10\n-50\n20\n-50\n10\n90\n\
+                  20\n-50\n10\n90\n20\n90\n10\n-50\n20\n90\n97\n0\n75\n0\n76\n1\n98\n0\n";
+    let frame = "0\nLWPOLYLINE\n8\n0\n90\n4\n70\n1\n10\n-50\n20\n-50\n10\n90\n20\n-50\n10\n90\n20\n90\n10\n-50\n20\n90\n";
+    let order = section("OBJECTS", "0\nSORTENTSTABLE\n5\n40\n330\n17\n331\n30\n5\n60\n");
+    let behind = |line: String| format!("{line}{text}");
+    let cases = [
+        (behind(line_at(7.5, "MARK")), "", true),
+        (behind(line_at(11.5, "MARK")), "", true),
+        // Beside the background, on it, or on a layer that is not marked.
+        (behind(line_at(13.0, "MARK")), "", false),
+        (behind(line_at(2.0, "MARK")), "", false),
+        (format!("{text}{}", line_at(7.5, "MARK")), "", false),
+        (behind(line_at(7.5, "NOTES")), "", false),
+        // In another order than that of the file, it may be behind.
+        (format!("{text}{}", line_at(7.5, "MARK")), &order, true),
+        (text.clone(), &order, false),
+        (behind(square.into()), "", true),
+        (behind(frame.into()), "", false),
+        (format!("{}{}", line_at(7.5, "MARK"), text_with_background(0, 1.5)), "", false),
+        (format!("{}{}", line_at(11.5, "MARK"), text_with_background(1, 1.1)), "", false),
+        (format!("{}{}", line_at(7.5, "MARK"), text_with_background(1, 1.1)), "", true),
+    ];
+    let options =
+        PatternOptions { ink_layers: Some(vec!["MARK".into(), "0".into()]), ..PatternOptions::default() };
+    for (number, (entities, objects, is_lost)) in cases.into_iter().enumerate() {
+        let reading = read(&drawing("", &entities, objects), &options).unwrap();
+        let lost: Vec<&str> = reading
+            .facts
+            .skipped
+            .iter()
+            .filter(|skipped| skipped.is_ink)
+            .map(|s| s.entity.as_str())
+            .collect();
+        assert_eq!(lost, if is_lost { vec!["MTEXT"] } else { Vec::new() }, "{number}");
+        // The letters are drawn all the same.
+        assert!(reading.pattern.paths.iter().any(|path| path.source.entity == "MTEXT"), "{number}");
+    }
+    // In a block that is drawn twice, it is one text.
+    let block = format!("0\nBLOCK\n2\nB\n10\n0\n20\n0\n30\n0\n{}0\nENDBLK\n", behind(line_at(7.5, "MARK")));
+    let insert = |y: u32| format!("0\nINSERT\n8\nMARK\n2\nB\n10\n0\n20\n{y}\n50\n30\n");
+    let reading =
+        read(&drawing(&section("BLOCKS", &block), &(insert(0) + &insert(50)), ""), &options).unwrap();
+    assert_eq!(reading.facts.skipped.len(), 1, "{:?}", reading.facts.skipped);
+}

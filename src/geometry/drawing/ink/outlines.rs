@@ -14,10 +14,10 @@ const COMPARED: usize = 256;
 /// directions are.
 pub(super) fn repeat_boundaries(outlines: &[&Path], boundaries: &[&Path]) -> Vec<bool> {
     let mut boxes: Vec<(Extents, usize)> =
-        boundaries.iter().enumerate().map(|(index, path)| (extents(&path.shape), index)).collect();
+        boundaries.iter().enumerate().map(|(index, path)| (path.shape.extents(), index)).collect();
     boxes.sort_by(|a, b| a.0.min.x.total_cmp(&b.0.min.x));
     let repeats = |outline: &&Path| {
-        let own = extents(&outline.shape);
+        let own = outline.shape.extents();
         let near = COINCIDENT.min(COINCIDENT_SHARE * own.size().norm());
         let from = boxes.partition_point(|(other, _)| other.min.x < own.min.x - near);
         let beside = boxes[from..].iter().take_while(|(other, _)| other.min.x <= own.min.x + near);
@@ -27,16 +27,6 @@ pub(super) fn repeat_boundaries(outlines: &[&Path], boundaries: &[&Path]) -> Vec
         alike.any(|(_, index)| is_the_same(&outline.shape, &boundaries[*index].shape, near))
     };
     outlines.iter().map(repeats).collect()
-}
-
-fn extents(shape: &Shape) -> Extents {
-    let mut extents = Extents::EMPTY;
-    for segment in shape.segments() {
-        let of_segment = segment.extents();
-        extents.include(of_segment.min);
-        extents.include(of_segment.max);
-    }
-    extents
 }
 
 /// Whether two contours are nowhere farther apart than `near` mm, at [`COMPARED`] points of each.

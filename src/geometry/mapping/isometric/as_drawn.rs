@@ -50,6 +50,13 @@ impl IsometricMap {
         }
     }
 
+    /// Whether the map leaves next to nothing of all figures.
+    pub(crate) fn is_true(&self, surface: &NurbsSurface, ink: &Ink) -> bool {
+        let limits =
+            [(Figure::Lengths, SAME_STRAIN), (Figure::Areas, SAME_STRAIN), (Figure::Angles, SAME_ANGLE)];
+        limits.iter().all(|(figure, limit)| self.left(*figure, surface, ink) <= *limit)
+    }
+
     /// What the map leaves of a figure: the mean absolute strain along lines or of areas, or the largest angle error, rad.
     pub(crate) fn left(&self, figure: Figure, surface: &NurbsSurface, ink: &Ink) -> f64 {
         let strain_at = |at: FlatPoint| {

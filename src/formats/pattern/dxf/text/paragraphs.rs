@@ -19,6 +19,13 @@ use crate::geometry::pattern::Color;
 
 /// Distance of baselines for letters 1 high, at a line spacing of 1.
 const LEADING: f64 = 5.0 / 3.0;
+/// The background of a text has a colour.
+const FILLED: i64 = 1;
+/// The background of a text has the colour of the drawing window.
+const FILLED_AS_WINDOW: i64 = 2;
+/// The size of a text in another font is known to about this share of its height; a line so close to the rim may be beside the
+/// background.
+const UNSURE: f64 = 0.1;
 /// Number of bytes of a text that are searched in a step of the budget.
 const BYTES_SEARCHED: usize = 64;
 /// Height of stacked letters relative to the others.
@@ -92,8 +99,9 @@ pub(in super::super) fn drawn(
     (uses, fields): (&mut FontUses, &mut Vec<FoundField>),
     budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
-    let wanted =
-        |code| matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 44 | 50 | 71 | 73 | 210 | 220 | 230);
+    let wanted = |code| {
+        matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 44 | 45 | 50 | 71 | 73 | 90 | 210 | 220 | 230)
+    };
     let groups = Groups::read(scan, structure, record, record.pairs(scan), wanted)?;
     if columns(scan, record) > 1 {
         return Ok(Item::Skipped("it has columns: explode it in the drawing program".into()));
@@ -168,7 +176,22 @@ pub(in super::super) fn drawn(
     );
     let own = Placement { linear: axes(&groups), offset: groups.point(10) };
     let placement = own.after(&sheared(0.0, shift));
-    Ok(Item::Several(items.into_iter().map(|(color, item)| (color, item.placed(&placement))).collect()))
+    let mask = background(&groups, height).map(|border| {
+        let (left, right) = (-border, box_width.max(widest) + border);
+        let (low, high) = (baseline - border, border);
+        let corners = [[left, low], [right, low], [right, high], [left, high]];
+        (None, Item::Mask(corners.map(|[x, y]| Vector3::new(x, y, 0.0))))
+    });
+    // The background is behind the letters.
+    let items = mask.into_iter().chain(items);
+    Ok(Item::Several(items.map(|(color, item)| (color, item.placed(&placement))).collect()))
+}
+
+/// How far the background of a text with letters of this height surely reaches beyond its box, in units of the drawing; `None`
+/// without a background that hides lines.
+fn background(groups: &Groups, height: f64) -> Option<f64> {
+    let is_filled = groups.flags(90) & (FILLED | FILLED_AS_WINDOW) != 0;
+    is_filled.then(|| (groups.or(45, 1.5) - 1.0 - UNSURE) * height)
 }
 
 /// The axes of the text in its space: from its direction (11) or its angle (50), the later of the two groups.
