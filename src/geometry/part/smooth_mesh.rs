@@ -5,6 +5,7 @@ mod arcs;
 mod chains;
 mod creases;
 mod cylinders;
+mod disjoint_sets;
 mod ends;
 mod hidden_arcs;
 mod joining;

@@ -5,6 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::arcs;
 use super::creases::{Facing, Steps, matters};
 use super::cylinders;
+use super::disjoint_sets::DisjointSets;
 use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
@@ -467,51 +468,6 @@ fn meet_within(one: [Point3<f64>; 3], other: [Point3<f64>; 3], angle: f64) -> bo
     let (one, other) = (across(one), across(other));
     let cosine = one.dot(&other);
     cosine > 0.0 && cosine * cosine >= angle.cos().powi(2) * one.norm_squared() * other.norm_squared()
-}
-
-/// Sets that are joined two at a time (Galler & Fischer, An improved equivalence algorithm, CACM 7(5), 1964).
-pub(super) struct DisjointSets {
-    parents: Vec<u32>,
-}
-
-impl DisjointSets {
-    /// `count` sets of one element each.
-    pub(super) fn new(count: usize) -> Self {
-        Self { parents: (0..count as u32).collect() }
-    }
-
-    fn root(&mut self, element: usize) -> usize {
-        let mut at = element;
-        while self.parents[at] as usize != at {
-            let parent = self.parents[at] as usize;
-            self.parents[at] = self.parents[parent];
-            at = parent;
-        }
-        at
-    }
-
-    /// Joins the sets of two elements; the smaller root stays, so that numbers do not depend on the order.
-    pub(super) fn join(&mut self, one: usize, two: usize) {
-        let (one, two) = (self.root(one), self.root(two));
-        self.parents[one.max(two)] = one.min(two) as u32;
-    }
-
-    /// For each element the number of its set, from 0 in the order of first appearance, and how many sets there are.
-    pub(super) fn numbered(mut self) -> (Vec<u32>, usize) {
-        let mut numbers = vec![0; self.parents.len()];
-        let mut count = 0;
-        for element in 0..self.parents.len() {
-            let root = self.root(element);
-            if root == element {
-                numbers[element] = count;
-                count += 1;
-            } else {
-                // The root is the smallest element of its set, so it has its number already.
-                numbers[element] = numbers[root];
-            }
-        }
-        (numbers, count as usize)
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use nalgebra::Point3;
 
 use super::SmoothMesh;
-use super::joining::DisjointSets;
+use super::disjoint_sets::DisjointSets;
 use crate::geometry::adjacency::{NONE, facet_normal, sliver_side, width};
 
 /// Which triangles are of one plane facet.
@@ -44,14 +44,19 @@ impl PlaneFacets {
             }
         }
         let (of_triangle, facets) = sets.numbered();
-        let mut triangles: Vec<u32> = (0..count as u32).collect();
-        triangles.sort_by(|&one, &other| {
-            let [facet, of_other] = [one, other].map(|triangle| of_triangle[triangle as usize]);
-            facet.cmp(&of_other).then(areas[other as usize].total_cmp(&areas[one as usize]))
-        });
-        let mut starts = vec![0; facets + 1];
+        let mut starts = vec![0u32; facets + 1];
         of_triangle.iter().for_each(|&facet| starts[facet as usize + 1] += 1);
         (0..facets).for_each(|facet| starts[facet + 1] += starts[facet]);
+        let mut triangles = vec![0u32; count];
+        let mut next = starts.clone();
+        for (triangle, &facet) in of_triangle.iter().enumerate() {
+            let (first, free) = (starts[facet as usize] as usize, next[facet as usize] as usize);
+            next[facet as usize] += 1;
+            triangles[free] = triangle as u32;
+            if areas[triangle] > areas[triangles[first] as usize] {
+                triangles.swap(first, free);
+            }
+        }
         Self { of_triangle, starts, triangles }
     }
 

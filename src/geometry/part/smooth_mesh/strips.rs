@@ -29,7 +29,7 @@ const MOST_STEPS: usize = 6 * LEAST_RULINGS;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
 /// Triangles that are looked at for all strips, at most: strips of more are fine, and estimated well with their neighbours.
-const MOST_VISITS: usize = 60_000;
+const MOST_VISITS: usize = 20_000;
 
 /// Replaces normals that are `estimated` at the vertices of extruded strips, and their `deviations`; `is_round` are the triangles
 /// whose normals are known. Returns the doubts of the slopes of the strips' triangles, rad; `hidden` are the arcs that edges
@@ -379,10 +379,13 @@ impl Straight for Strip<'_> {
 
     fn distance(&self, side: usize, at: &Point3<f64>) -> f64 {
         let ring = |vertex: u32| self.around.of_vertex(vertex as usize).iter().copied();
-        let near = self.ends_of(side).flat_map(|end| ring(end).flat_map(ring));
-        let chords = near.flat_map(|vertex| ring(vertex).map(move |other| [vertex, other]));
+        let mut near: Vec<u32> = self.ends_of(side).flat_map(|end| ring(end).flat_map(ring)).collect();
+        near.sort_unstable();
+        near.dedup();
+        let chords = near.into_iter().flat_map(|vertex| ring(vertex).map(move |other| [vertex, other]));
         let distances = chords.filter_map(|chord| self.distance_from(chord, at));
-        let nearest = distances.min_by(|one, other| one.0.hypot(one.1).total_cmp(&other.0.hypot(other.1)));
+        let squared = |(distance, beside): &(f64, f64)| distance * distance + beside * beside;
+        let nearest = distances.min_by(|one, other| squared(one).total_cmp(&squared(other)));
         nearest.map_or(0.0, |(distance, _)| distance)
     }
 
