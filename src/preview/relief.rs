@@ -93,7 +93,7 @@ struct Grid {
 }
 
 impl HeightPicture {
-    /// The same with at most [`MAX_NODES`] nodes along each side, which show as much. Each residual is the largest of the nodes
+    /// The same with at most 240 nodes along each side, which show as much. Each residual is the largest of the nodes
     /// it replaces.
     #[must_use]
     pub fn thinned(&self) -> Cow<'_, Self> {

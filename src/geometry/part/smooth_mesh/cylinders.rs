@@ -3,7 +3,8 @@
 //! The vertices of a tessellation are on the part. Those of a strip of facets that are on one cylinder, to within what files
 //! state of them, and turn often enough, show its axis and radius far better than the facets round each of them: at rims, where a
 //! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. What follows
-//! its ends confirms it (`ends`).
+//! its ends confirms it (`ends`). Where a program cuts a hole into a mesh, the new vertices are on its facets (`plane_facets`), and
+//! not on the part from which these were cut.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -71,7 +72,7 @@ struct Group {
 
 /// Replaces normals that are `estimated` by those of the cylinders that their vertices show, and their `deviations` by 0; returns
 /// for each triangle whether it is part of a cylinder and has the normals of it; empty if there are none. At an edge that the facets
-/// beyond show, the cylinder gets vertices of its own.
+/// beyond show, the cylinder gets vertices of its own. Vertices on its chords move onto it.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     estimated: &mut Vec<bool>,
