@@ -50,6 +50,8 @@ const LEAST_TURN: f64 = 0.01;
 const MOST_POINTS: usize = 400;
 /// Rounds in which a cylinder is fitted to the facets that it has gained.
 const ROUNDS: usize = 8;
+/// Triangles are looked at so many times on average, at most: nearly every facet of some surfaces begins a cylinder of its own.
+const MOST_VISITS: usize = 8;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
 /// Facets on a cylinder leave it by at most so many times as far as those in the middle of the first ones. A flat side between two
@@ -133,8 +135,9 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
     seeds.sort_by(|(_, one), (_, other)| other.total_cmp(one));
     let surroundings = Surroundings::of(mesh);
     let is_on_chord = surroundings.facets.only_one(mesh);
-    let search = Search { mesh, facets: &surroundings.facets, near, is_on_chord };
-    // Facets of which a group is certain, and those that were in any group.
+    let visits = MOST_VISITS * mesh.triangles.len();
+    let mut search = Search { mesh, facets: &surroundings.facets, near, is_on_chord, visits };
+    // Facets of which a group is certain, and those that were looked at for any group.
     let mut is_known = vec![false; mesh.triangles.len()];
     let mut is_tried = is_known.clone();
     let mut groups = Vec::new();
@@ -142,8 +145,10 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
         if is_tried[triangle] {
             continue;
         }
-        let Some(group) = search.group_at(triangle, &is_known) else { continue };
-        group.triangles.iter().for_each(|&triangle| is_tried[triangle] = true);
+        if search.visits == 0 {
+            break;
+        }
+        let Some(group) = search.group_at(triangle, &is_known, &mut is_tried) else { continue };
         let on_mesh = OnMesh { mesh, group: &group };
         if search.turns_enough(&group) && surroundings.confirm(&on_mesh) {
             group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
@@ -215,25 +220,21 @@ struct Search<'a> {
     near: f64,
     /// For each vertex, whether it may be on the chords of a cylinder.
     is_on_chord: Vec<bool>,
+    /// How many triangles may still be looked at.
+    visits: usize,
 }
 
 impl Search<'_> {
-    /// The facets on the cylinder of a triangle, if the strip across one of its sides shows one.
-    fn group_at(&self, triangle: usize, is_known: &[bool]) -> Option<Group> {
+    /// The facets on the cylinder of a triangle, if the strip across one of its sides shows one. All that are looked at are marked in
+    /// `is_tried`.
+    fn group_at(&mut self, triangle: usize, is_known: &[bool], is_tried: &mut [bool]) -> Option<Group> {
         let tries = REACHES.into_iter().flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
-        let mut starts = tries.filter_map(|(reach, side)| {
-            let strip = self.strip(triangle, side, reach);
-            let cylinder = self.cylinder_of(&strip)?;
-            let mut bulges: Vec<f64> =
-                strip.iter().map(|&triangle| bulge_on(self.mesh, &cylinder, triangle)).collect();
-            bulges.sort_by(f64::total_cmp);
-            let usual = bulges[bulges.len() / 2];
-            let group = Group { cylinder, most: FLAT * usual, triangles: Vec::new() };
-            (usual >= self.mesh.least_bulge(triangle, self.near)).then_some(group)
-        });
-        starts.find_map(|mut group| {
+        tries.into_iter().find_map(|(reach, side)| {
+            let mut group = self.start_at(triangle, side, reach)?;
             for _ in 0..ROUNDS {
                 let mut triangles = self.grown(&group, triangle, is_known);
+                triangles.iter().for_each(|&triangle| is_tried[triangle] = true);
+                self.visits = self.visits.saturating_sub(triangles.len());
                 let points = self.some_points(&triangles, Some(&group.cylinder));
                 let cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
                 let next = Group { cylinder, most: group.most, triangles: Vec::new() };
@@ -245,6 +246,21 @@ impl Search<'_> {
                 group = Group { triangles, ..next };
             }
             (group.triangles.len() >= REACHES[1]).then_some(group)
+        })
+    }
+
+    /// The cylinder that a strip across a side of a triangle shows, without facets.
+    fn start_at(&self, triangle: usize, side: usize, reach: usize) -> Option<Group> {
+        let strip = self.strip(triangle, side, reach);
+        let cylinder = self.cylinder_of(&strip)?;
+        let mut bulges: Vec<f64> =
+            strip.iter().map(|&triangle| bulge_on(self.mesh, &cylinder, triangle)).collect();
+        bulges.sort_by(f64::total_cmp);
+        let usual = bulges[bulges.len() / 2];
+        (usual >= self.mesh.least_bulge(triangle, self.near)).then(|| Group {
+            cylinder,
+            most: FLAT * usual,
+            triangles: Vec::new(),
         })
     }
 
