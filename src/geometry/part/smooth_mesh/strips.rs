@@ -26,6 +26,8 @@ const LEAST_TURN: f64 = 0.02;
 const COPLANAR: f64 = 1e-3;
 /// Facets looked at on either side of a first ruling, at most.
 const MOST_STEPS: usize = 6 * LEAST_RULINGS;
+/// The same for all rulings.
+const MOST_STEPS_IN_ALL: usize = 1_000_000;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
 /// Triangles that are looked at for all strips, at most: strips of more are fine, and estimated well with their neighbours.
@@ -85,7 +87,7 @@ fn certain_strips(
         return Vec::new();
     }
     let mut surroundings = None;
-    let mut search = Search { mesh, near: precision(mesh), visits: MOST_VISITS };
+    let mut search = Search { mesh, near: precision(mesh), steps: MOST_STEPS_IN_ALL, visits: MOST_VISITS };
     let mut is_seen = vec![false; count];
     let mut strips = Vec::new();
     for triangle in 0..count {
@@ -94,7 +96,7 @@ fn certain_strips(
             continue;
         }
         let found = search.strip_at(triangle);
-        if search.visits == 0 {
+        if search.visits == 0 || search.steps == 0 {
             break;
         }
         let Some((axis, triangles)) = found else { continue };
@@ -127,7 +129,9 @@ struct Search<'a> {
     mesh: &'a SmoothMesh,
     /// Vertices are off by at most this, mm.
     near: f64,
-    /// Triangles that may still be looked at.
+    /// Facets that may still be looked at for rulings, …
+    steps: usize,
+    /// … and triangles for strips.
     visits: usize,
 }
 
@@ -173,7 +177,7 @@ impl Search<'_> {
     }
 
     /// The number of parallel sides in a row, from a first one on, between which the facets turn; no more than are needed.
-    fn rulings_round(&self, first: usize, direction: Vector3<f64>) -> usize {
+    fn rulings_round(&mut self, first: usize, direction: Vector3<f64>) -> usize {
         let entered = self.mesh.continued[first];
         if entered == NONE {
             return 0;
@@ -182,6 +186,7 @@ impl Search<'_> {
         for start in [first, entered as usize] {
             let (mut side, mut last) = (start, self.normal(start / 3));
             for _ in 0..MOST_STEPS {
+                self.steps = self.steps.saturating_sub(1);
                 // A facet between two rulings is divided by its diagonal.
                 let others = [1, 2].map(|turn| side / 3 * 3 + (side % 3 + turn) % 3);
                 let next = others.into_iter().find(|&other| {
