@@ -7,6 +7,8 @@
 pub(crate) mod elimination;
 pub(crate) mod factor;
 
+use multiversion::multiversion;
+
 use self::elimination::Elimination;
 use self::factor::{Couplings, Factor, FactorError};
 
@@ -128,6 +130,7 @@ impl<const PARTS: usize, const COMPONENTS: usize> Default for ComposedSum<PARTS,
 
 impl<const PARTS: usize, const COMPONENTS: usize> ComposedSum<PARTS, COMPONENTS> {
     /// Adds the observation `derivative · quantities = value` with a weight.
+    #[inline(always)]
     pub fn add(&mut self, derivative: &[[f64; COMPONENTS]; PARTS], value: f64, weight: f64) {
         for part in 0..PARTS {
             for component in 0..COMPONENTS {
@@ -146,6 +149,7 @@ impl<const PARTS: usize, const COMPONENTS: usize> ComposedSum<PARTS, COMPONENTS>
 
 impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
     /// Adds the observations at a place where control point i contributes `basis[part][i]` to a quantity.
+    #[inline(always)]
     pub fn add_composed<const PARTS: usize>(
         &mut self,
         observed: &ComposedSum<PARTS, COMPONENTS>,
@@ -193,6 +197,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     }
 
     /// Adds the observations of the cell whose lower left control point is (`column`, `row`).
+    #[inline(always)]
     pub fn add_cell(&mut self, column: usize, row: usize, sum: &CellSum<COMPONENTS>) {
         for first in 0..16 {
             let (i, j) = (first % 4, first / 4);
@@ -335,34 +340,30 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         Ok(())
     }
 
-    /// ‖Ax − b‖ / ‖b‖ over the unknowns; `rest` is b and becomes b − Ax.
+    /// ‖Ax − b‖ / ‖b‖ over the unknowns.
     fn relative_residual(
         &self,
         elimination: &Elimination,
-        rest: &mut [[f64; COMPONENTS]],
+        right: &[[f64; COMPONENTS]],
         solution: &[[f64; COMPONENTS]],
     ) -> f64 {
-        let norm = |of: &[[f64; COMPONENTS]]| {
-            let unknown = elimination.order().iter().flat_map(|point| of[*point as usize]);
-            unknown.map(|value| value * value).sum::<f64>().sqrt()
-        };
-        let scale = norm(rest);
-        for point in 0..solution.len() {
-            let within = self.within(point);
-            for (neighbour, block) in self.matrix[point].iter().enumerate() {
-                let Some(other) = within.neighbour(point, neighbour) else { continue };
-                for component in 0..COMPONENTS {
-                    for across in if neighbour == 0 { component } else { 0 }..COMPONENTS {
-                        let value = block[component][across];
-                        rest[point][component] -= value * solution[other][across];
-                        if other != point || across != component {
-                            rest[other][across] -= value * solution[point][component];
-                        }
-                    }
-                }
+        // A margin of zeros takes the place of neighbours outside the grid, whose blocks are zero.
+        let width = self.columns + 2 * REACH;
+        let padded = |of: &[[f64; COMPONENTS]]| {
+            let mut padded = vec![[0.0; COMPONENTS]; width * (self.rows + REACH)];
+            for (line, to) in of.chunks(self.columns).zip(padded.chunks_mut(width)) {
+                to[REACH..REACH + self.columns].copy_from_slice(line);
             }
-        }
-        let norm = norm(rest);
+            padded
+        };
+        let (solution, mut rest) = (padded(solution), padded(right));
+        subtract_product(&self.matrix, self.columns, &solution, &mut rest);
+        let norm = |square: &dyn Fn(usize) -> f64| {
+            elimination.order().iter().map(|point| square(*point as usize)).sum::<f64>().sqrt()
+        };
+        let square = |of: &[f64; COMPONENTS]| of.iter().map(|value| value * value).sum();
+        let at = |point: usize| point / self.columns * width + REACH + point % self.columns;
+        let (scale, norm) = (norm(&|point| square(&right[point])), norm(&|point| square(&rest[at(point)])));
         if scale == 0.0 { norm } else { norm / scale }
     }
 
@@ -378,6 +379,40 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// How much a solution lowers the weighted sum of squares of the observations.
     pub fn gain(&self, solution: &[[f64; COMPONENTS]]) -> f64 {
         self.right.as_flattened().iter().zip(solution.as_flattened()).map(|(right, x)| right * x).sum()
+    }
+}
+
+/// Subtracts the product of a symmetric matrix over a grid with a vector. Both vectors have a margin of [`REACH`] points beside and
+/// above the grid.
+#[multiversion(targets("x86_64+avx2"))]
+fn subtract_product<const COMPONENTS: usize>(
+    matrix: &[[[[f64; COMPONENTS]; COMPONENTS]; STENCIL.len()]],
+    columns: usize,
+    vector: &[[f64; COMPONENTS]],
+    from: &mut [[f64; COMPONENTS]],
+) {
+    let width = columns + 2 * REACH;
+    for (row, line) in matrix.chunks(columns).enumerate() {
+        for (column, blocks) in line.iter().enumerate() {
+            let point = row * width + REACH + column;
+            let value = vector[point];
+            for (block, (right, up)) in blocks.iter().zip(STENCIL) {
+                let other = point.wrapping_add_signed(up * width as isize + right);
+                let across = vector[other];
+                for component in 0..COMPONENTS {
+                    for along in 0..COMPONENTS {
+                        from[point][component] -= block[component][along] * across[along];
+                    }
+                }
+                if other != point {
+                    for along in 0..COMPONENTS {
+                        for component in 0..COMPONENTS {
+                            from[other][along] -= block[component][along] * value[component];
+                        }
+                    }
+                }
+            }
+        }
     }
 }
 

@@ -14,10 +14,11 @@ mod rounds;
 mod scales;
 mod strain;
 
+use multiversion::multiversion;
 use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::{Figure, IsometricOptions};
-use self::strain::{Fineness, Sample, Strain, Weights, products, samples};
+use self::strain::{Cap, Fineness, Sample, Strain, Weighting, Weights, products, samples};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
     CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
@@ -122,8 +123,8 @@ struct Task<'a> {
     surface: &'a NurbsSurface,
     samples: &'a [Sample],
     anchor: FlatPoint,
-    /// Limit for the angle error of the ink, rad.
-    cap: f64,
+    /// Limit for the angle error of the ink.
+    cap: Cap,
 }
 
 impl IsometricMap {
@@ -158,19 +159,19 @@ impl IsometricMap {
         let is_even = options.is_even() || ink.pieces.is_empty() && ink.squares.is_empty();
         let even = map.samples(ink, &Weights::EVEN, COARSE);
         let even_steps = if is_even { COARSE_STEPS } else { 1 };
-        map.descend(&Task { surface, samples: &even, anchor, cap: f64::INFINITY }, &solver, even_steps)?;
+        map.descend(&Task { surface, samples: &even, anchor, cap: Cap::NONE }, &solver, even_steps)?;
         if is_even {
             map.refine();
             let solver = map.solver()?;
             let fine = map.samples(ink, &Weights::EVEN, FINE);
-            let task = Task { surface, samples: &fine, anchor, cap: f64::INFINITY };
+            let task = Task { surface, samples: &fine, anchor, cap: Cap::NONE };
             map.settled = map.descend(&task, &solver, MAX_STEPS)?;
         } else {
             let inked = map.samples(ink, &Weights::START, COARSE);
-            let task = Task { surface, samples: &inked, anchor, cap: f64::INFINITY };
+            let task = Task { surface, samples: &inked, anchor, cap: Cap::NONE };
             let even = map.even_strains(&task);
             let mut flat = map.clone();
-            map.descend(&Task { cap: even.angle, ..task }, &solver, START_STEPS)?;
+            map.descend(&Task { cap: Cap(even.angle), ..task }, &solver, START_STEPS)?;
             map.refine();
             let solver = map.solver()?;
             let start = map.control.clone();
@@ -208,7 +209,7 @@ impl IsometricMap {
             // The part is rough: sums of squares with steps that are as short as they must be.
             map.control = start;
             let fine = map.samples(ink, &Weights::START, FINE);
-            let task = Task { surface, samples: &fine, anchor, cap: even.angle };
+            let task = Task { surface, samples: &fine, anchor, cap: Cap(even.angle) };
             map.settled = map.descend(&task, &solver, MAX_STEPS)?;
         }
         if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= MAX_LAST_STEP) {
@@ -254,9 +255,12 @@ impl IsometricMap {
         max_steps: usize,
     ) -> Result<bool, IsometricError> {
         let cells = self.knots_s.spans() * self.knots_t.spans();
-        let mut energy = self.energy(task);
+        // One buffer for all steps: it is large.
+        let mut strains = Vec::new();
+        strains_at(self, task.surface, task.samples, &mut strains);
+        let mut energy = self.energy(task, &strains);
         for _ in 0..max_steps {
-            let equations = self.linearised(task);
+            let equations = equations(self, task.anchor, task.samples, &strains, &task.cap);
             let shifts = equations.solve(solver)?;
             let expected = equations.gain(&shifts);
             let start = self.control.clone();
@@ -265,7 +269,8 @@ impl IsometricMap {
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
                     *point = old + Vector2::from(*shift) * fraction;
                 }
-                let reached = self.energy(task);
+                strains_at(self, task.surface, task.samples, &mut strains);
+                let reached = self.energy(task, &strains);
                 let predicted = fraction * (2.0 - fraction) * expected;
                 if energy - reached >= predicted / 2.0 - NO_STRAIN || fraction <= SHORTEST {
                     break reached;
@@ -293,11 +298,6 @@ impl IsometricMap {
         Ok(false)
     }
 
-    fn strain(&self, surface: &NurbsSurface, sample: &Sample) -> Strain {
-        let [at, by_s, by_t] = self.image(sample);
-        Strain { jet: surface.jet(at.into()), by_s, by_t }
-    }
-
     /// The strain at a sample without its derivatives: the surface's second derivatives are 0.
     fn strain_only(&self, surface: &NurbsSurface, sample: &Sample) -> Strain {
         let [at, by_s, by_t] = self.image(sample);
@@ -307,6 +307,7 @@ impl IsometricMap {
     }
 
     /// The image φ of a sample, ∂φ/∂s and ∂φ/∂t.
+    #[inline(always)]
     fn image(&self, Sample { s, t, .. }: &Sample) -> [Vector2<f64>; 3] {
         let columns = self.knots_s.control_points();
         let [mut at, mut by_s, mut by_t] = [Vector2::zeros(); 3];
@@ -325,56 +326,16 @@ impl IsometricMap {
         [at, by_s, by_t]
     }
 
-    fn energy(&self, task: &Task) -> f64 {
+    fn energy(&self, task: &Task, strains: &[Strain]) -> f64 {
         let mut energy = 0.0;
         self.pin(task.anchor, |residual, _| energy += PIN_WEIGHT * residual * residual);
-        for place in task.samples.chunk_by(Sample::is_at) {
-            let strain = self.strain_only(task.surface, &place[0]);
+        for (place, strain) in task.samples.chunk_by(Sample::is_at).zip(strains) {
             for sample in place {
-                strain.observe(sample, task.cap, |weight, residual, _| {
-                    energy += weight * residual * residual;
-                });
+                task.cap
+                    .observe(strain, sample, |weight, residual, _| energy += weight * residual * residual);
             }
         }
         energy
-    }
-
-    fn linearised(&self, task: &Task) -> NormalEquations<2> {
-        self.equations(task.anchor, task.samples, |place| {
-            let strain = self.strain(task.surface, &place[0]);
-            let mut observed = ComposedSum::default();
-            for sample in place {
-                strain.observe(sample, task.cap, |weight, residual, derivative| {
-                    observed.add(derivative, -residual, weight);
-                });
-            }
-            observed
-        })
-    }
-
-    /// The equations of a step from what is observed at each place, with the pin at the anchor.
-    fn equations(
-        &self,
-        anchor: FlatPoint,
-        samples: &[Sample],
-        mut observe: impl FnMut(&[Sample]) -> ComposedSum<3, 2>,
-    ) -> NormalEquations<2> {
-        let mut equations =
-            NormalEquations::new(self.knots_s.control_points(), self.knots_t.control_points());
-        for cell in samples.chunk_by(|a, b| a.cell() == b.cell()) {
-            let mut sum = CellSum::default();
-            for place in cell.chunk_by(Sample::is_at) {
-                sum.add_composed(&observe(place), &place[0].basis());
-            }
-            equations.add_cell(cell[0].s.first, cell[0].t.first, &sum);
-        }
-        let mut pinned = CellSum::default();
-        self.pin(anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
-        let (s, t) = (self.knots_s.span(anchor.x), self.knots_t.span(anchor.y));
-        equations.add_cell(s, t, &pinned);
-        // A control point at a corner far from all ink may be almost undetermined; this fixes it.
-        equations.add_third_difference_penalty(1e-10);
-        equations
     }
 
     /// The residuals that keep the anchor at its place, and the drawing's x direction there parallel to the view's.
@@ -392,6 +353,49 @@ impl IsometricMap {
         self.control = self.knots_s.halved_net(&self.control);
         (self.knots_s, self.knots_t) = (self.knots_s.halved(), self.knots_t.halved());
     }
+}
+
+/// The strain at each place.
+#[multiversion(targets("x86_64+avx2"))]
+fn strains_at(map: &IsometricMap, surface: &NurbsSurface, samples: &[Sample], strains: &mut Vec<Strain>) {
+    strains.clear();
+    strains.extend(samples.chunk_by(Sample::is_at).map(|place| {
+        let [at, by_s, by_t] = map.image(&place[0]);
+        Strain { jet: surface.jet(at.into()), by_s, by_t }
+    }));
+}
+
+/// The equations of a step from the strain at each place, with the pin at the anchor.
+#[multiversion(targets("x86_64+avx2"))]
+fn equations(
+    map: &IsometricMap,
+    anchor: FlatPoint,
+    samples: &[Sample],
+    strains: &[Strain],
+    weighting: &impl Weighting,
+) -> NormalEquations<2> {
+    let mut equations = NormalEquations::new(map.knots_s.control_points(), map.knots_t.control_points());
+    let mut strains = strains.iter();
+    for cell in samples.chunk_by(|a, b| a.cell() == b.cell()) {
+        let mut sum = CellSum::default();
+        for (place, strain) in cell.chunk_by(Sample::is_at).zip(&mut strains) {
+            let mut observed = ComposedSum::default();
+            for sample in place {
+                weighting.observe(strain, sample, |weight, residual, derivative| {
+                    observed.add(derivative, -residual, weight);
+                });
+            }
+            sum.add_composed(&observed, &place[0].basis());
+        }
+        equations.add_cell(cell[0].s.first, cell[0].t.first, &sum);
+    }
+    let mut pinned = CellSum::default();
+    map.pin(anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
+    let (s, t) = (map.knots_s.span(anchor.x), map.knots_t.span(anchor.y));
+    equations.add_cell(s, t, &pinned);
+    // A control point at a corner far from all ink may be almost undetermined; this fixes it.
+    equations.add_third_difference_penalty(1e-10);
+    equations
 }
 
 /// The fraction f that minimises expected·(f² − 2f) + excess·f⁴: the gain that the linearised strains predict, and the

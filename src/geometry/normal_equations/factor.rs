@@ -15,6 +15,8 @@
 use std::collections::TryReserveError;
 use std::ops::Range;
 
+use multiversion::multiversion;
+
 use super::elimination::{Elimination, filled};
 
 /// Rows and columns of a tile.
@@ -331,6 +333,7 @@ fn add_remainder(child: &[f64], places: &[usize], shape: Shape, factor: &mut [f6
 }
 
 /// Factors the pivots' columns of a front and subtracts their products from its remainder.
+#[multiversion(targets("x86_64+avx2"))]
 fn eliminate<const SIDES: usize>(
     shape: Shape,
     factors: &mut [&mut [f64]; SIDES],

@@ -122,6 +122,7 @@ impl UniformKnots {
     /// extrapolated.
     ///
     /// Piegl & Tiller, The NURBS Book, 1997, algorithm A2.3, written out for uniform cubic knots.
+    #[inline(always)]
     pub fn basis(&self, parameter: f64) -> Basis {
         let first = self.span(parameter);
         let t = (parameter - self.start) / self.step - first as f64;

@@ -128,6 +128,7 @@ impl NurbsSurface {
     /// assert!((jet.gradient.x - 0.5).abs() < 1e-12 && jet.gradient.y.abs() < 1e-12);
     /// assert!(jet.gaussian_curvature().abs() < 1e-12);
     /// ```
+    #[inline(always)]
     pub fn jet(&self, at: ViewPoint) -> SurfaceJet {
         let (x, y) = (self.knots_x.basis(at.x), self.knots_y.basis(at.y));
         let [mut height, mut mixed] = [0.0; 2];

@@ -1,5 +1,7 @@
 //! Detects maps that fold the drawing over itself.
 
+use nalgebra::Vector2;
+
 use super::strain::Sample;
 use super::{IsometricMap, products};
 use crate::geometry::ink::Ink;
@@ -23,6 +25,9 @@ impl IsometricMap {
         for (row, columns) in self.cells_among(ink) {
             let up = probes(&self.knots_t, row);
             for column in columns {
+                if self.smallest_area(row, column) > MIN_AREA {
+                    continue;
+                }
                 let across = probes(&self.knots_s, column);
                 for (s, t) in up.iter().flat_map(|t| across.iter().map(move |s| (s, t))) {
                     if !(self.strain_only(surface, &Sample::at(*s, *t)).area() > MIN_AREA) {
@@ -32,6 +37,27 @@ impl IsometricMap {
             }
         }
         None
+    }
+
+    /// A lower bound for the ratio of area in the view to area in the drawing within a cell. ∂φ/∂s and ∂φ/∂t are convex combinations
+    /// of the differences of the cell's control points (The NURBS Book, eq. 3.24), and area on the part is no smaller than in the view.
+    pub(super) fn smallest_area(&self, row: usize, column: usize) -> f64 {
+        let columns = self.knots_s.control_points();
+        let at = |i: usize, j: usize| self.control[(row + j) * columns + column + i];
+        let range = |step: f64, differences: [Vector2<f64>; 12]| {
+            let [first, rest @ ..] = differences;
+            let (low, high) =
+                rest.iter().fold((first, first), |(low, high), next| (low.inf(next), high.sup(next)));
+            [low / step, high / step]
+        };
+        let by_s = std::array::from_fn(|index| at(index % 3 + 1, index / 3) - at(index % 3, index / 3));
+        let by_t = std::array::from_fn(|index| at(index / 3, index % 3 + 1) - at(index / 3, index % 3));
+        let (by_s, by_t) = (range(self.knots_s.step(), by_s), range(self.knots_t.step(), by_t));
+        let product = |a: usize, b: usize| {
+            let ends = by_s.iter().flat_map(|s| by_t.iter().map(move |t| s[a] * t[b]));
+            ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), end| (low.min(end), high.max(end)))
+        };
+        product(0, 1).0 - product(1, 0).1
     }
 
     /// For each row, the columns of the cells that contain ink or have ink on both sides in their row or column.

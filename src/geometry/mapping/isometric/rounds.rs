@@ -10,8 +10,8 @@ use nalgebra::Vector2;
 
 use super::scales::{EvenMap, Scales};
 use super::strain::{Sample, Strain};
-use super::{IsometricMap, IsometricOptions, Iteration, Task};
-use crate::geometry::normal_equations::{ComposedSum, GridSolver, NormalEquations};
+use super::{IsometricMap, IsometricOptions, Iteration, Task, equations, strains_at};
+use crate::geometry::normal_equations::GridSolver;
 use crate::geometry::space::FlatPoint;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
@@ -145,7 +145,7 @@ impl IsometricMap {
         let cells = self.knots_s.spans() * self.knots_t.spans();
         // One buffer for all rounds: it is large.
         let mut strains = Vec::new();
-        self.strains(surface, samples, &mut strains);
+        strains_at(self, surface, samples, &mut strains);
         let mut figures = Figures::of(samples, &strains);
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
             return true;
@@ -159,14 +159,14 @@ impl IsometricMap {
         for round in 0..if options.is_thorough { MOST_THOROUGH } else { MAX_ROUNDS } {
             let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
             weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
-            let Ok(shifts) = self.reweighted(anchor, samples, &strains, &scales).solve(solver) else { break };
+            let Ok(shifts) = equations(self, anchor, samples, &strains, &scales).solve(solver) else { break };
             let (start, before) = (self.control.clone(), cost);
             let mut fraction = 1.0;
             loop {
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
                     *point = old + Vector2::from(*shift) * fraction;
                 }
-                self.strains(surface, samples, &mut strains);
+                strains_at(self, surface, samples, &mut strains);
                 figures = Figures::of(samples, &strains);
                 cost = figures.cost(&scales, options);
                 if cost <= OVERSHOOT * before || fraction <= SHORTEST {
@@ -206,33 +206,6 @@ impl IsometricMap {
         }
         self.control = kept;
         has_gained
-    }
-
-    /// The strain at each place.
-    fn strains(&self, surface: &NurbsSurface, samples: &[Sample], strains: &mut Vec<Strain>) {
-        strains.clear();
-        strains.extend(samples.chunk_by(Sample::is_at).map(|place| self.strain(surface, &place[0])));
-    }
-
-    /// The equations of a step. There is a strain for each place.
-    fn reweighted(
-        &self,
-        anchor: FlatPoint,
-        samples: &[Sample],
-        strains: &[Strain],
-        scales: &Scales,
-    ) -> NormalEquations<2> {
-        let mut strains = strains.iter();
-        self.equations(anchor, samples, |place| {
-            let strain = strains.next().expect("there is a strain for each place");
-            let mut observed = ComposedSum::default();
-            for sample in place {
-                strain.observe_weighted(sample, scales, |weight, residual, derivative| {
-                    observed.add(derivative, -residual, weight);
-                });
-            }
-            observed
-        })
     }
 }
 

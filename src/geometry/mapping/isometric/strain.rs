@@ -72,7 +72,7 @@ pub(super) fn products(s: &[f64; 4], t: &[f64; 4]) -> [f64; 16] {
 }
 
 /// Derivative of a residual by φ, ∂φ/∂s and ∂φ/∂t.
-type Derivative = [[f64; 2]; 3];
+pub(super) type Derivative = [[f64; 2]; 3];
 
 /// The directions at 0°, 45°, 90° and 135°.
 const ALL_ROUND: [Vector2<f64>; 4] = {
@@ -125,13 +125,22 @@ pub(super) fn samples(
     let (columns, rows) = (knots_s.spans(), knots_t.spans());
     let mut samples =
         Vec::with_capacity(8 * columns * rows + ink.pieces.len().min(most_places.saturating_mul(4)));
-    // Two Gauss points per cell and direction integrate cubics exactly.
+    // Two Gauss points per cell and direction integrate cubics exactly. Under ink, where the paper only keeps the parts of the
+    // drawing in their places, two of the four are enough; the other two are taken in the cells beside, so that no pattern of
+    // control points goes unnoticed.
     let gauss = [0.5 - (1.0f64 / 12.0).sqrt(), 0.5 + (1.0f64 / 12.0).sqrt()];
+    let taken: [&[[usize; 2]]; 2] = if *weights == Weights::EVEN {
+        [&[[0, 0], [1, 0], [0, 1], [1, 1]]; 2]
+    } else {
+        [&[[1, 0], [0, 1]], &[[0, 0], [1, 1]]]
+    };
     for cell in 0..columns * rows {
-        for (u, v) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let s = knots_s.start() + ((cell % columns) as f64 + gauss[u]) * knots_s.step();
-            let t = knots_t.start() + ((cell / columns) as f64 + gauss[v]) * knots_t.step();
-            let all_round = weights.paper / (4 * columns * rows) as f64;
+        let (column, row) = (cell % columns, cell / columns);
+        let taken = taken[(column + row) % 2];
+        for [u, v] in taken {
+            let s = knots_s.start() + (column as f64 + gauss[*u]) * knots_s.step();
+            let t = knots_t.start() + (row as f64 + gauss[*v]) * knots_t.step();
+            let all_round = weights.paper / (taken.len() * columns * rows) as f64;
             samples.push(Sample { all_round, ..at(Vector2::new(s, t)) });
         }
     }
@@ -273,67 +282,79 @@ const SQUEEZED: f64 = 0.5;
 /// … most from this share on.
 const FOLDED: f64 = 0.05;
 
-impl Strain {
+/// How what is measured at a sample is weighted.
+pub(super) trait Weighting {
     /// Calls `take` with the weight, the residual and its derivative for everything that is measured at the sample.
+    fn observe(&self, strain: &Strain, sample: &Sample, take: impl FnMut(f64, f64, &Derivative));
+}
+
+/// Sums of squares, with a limit for the angle error of the ink, rad.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cap(pub(super) f64);
+
+impl Cap {
+    pub(super) const NONE: Self = Self(f64::INFINITY);
+}
+
+impl Weighting for Cap {
     #[inline(always)]
-    pub(super) fn observe(&self, sample: &Sample, cap: f64, mut take: impl FnMut(f64, f64, &Derivative)) {
+    fn observe(&self, strain: &Strain, sample: &Sample, mut take: impl FnMut(f64, f64, &Derivative)) {
         if sample.line > 0.0 {
-            let (strain, derivative) = self.stretch(&sample.direction);
-            take(sample.line, strain, &derivative);
+            let (change, derivative) = strain.stretch(&sample.direction);
+            take(sample.line, change, &derivative);
         }
         if sample.area > 0.0 {
-            let (strain, derivative) = self.area_strain();
-            take(sample.area, strain, &derivative);
+            let (change, derivative) = strain.area_strain();
+            take(sample.area, change, &derivative);
         }
         if sample.all_round > 0.0 {
             for direction in &ALL_ROUND {
-                let (strain, derivative) = self.stretch(direction);
-                take(sample.all_round / 4.0, strain, &derivative);
+                let (change, derivative) = strain.stretch(direction);
+                take(sample.all_round / 4.0, change, &derivative);
             }
         }
-        if sample.ink > 0.0 && cap.is_finite() {
-            for (resistance, derivative) in self.resistance(cap) {
+        if sample.ink > 0.0 && self.0.is_finite() {
+            for (resistance, derivative) in strain.resistance(self.0) {
                 take(sample.ink, resistance, &derivative);
             }
         }
     }
+}
 
-    /// The same in a round of weighting: weights fall with the strains, and angles have their own.
+/// In a round of weighting, weights fall with the strains, and angles have their own.
+impl Weighting for Scales {
     #[inline(always)]
-    pub(super) fn observe_weighted(
-        &self,
-        sample: &Sample,
-        scales: &Scales,
-        mut take: impl FnMut(f64, f64, &Derivative),
-    ) {
+    fn observe(&self, strain: &Strain, sample: &Sample, mut take: impl FnMut(f64, f64, &Derivative)) {
         if sample.line > 0.0 {
-            let (strain, derivative) = self.stretch(&sample.direction);
-            take(sample.line * scales.of_line(strain), strain, &derivative);
+            let (change, derivative) = strain.stretch(&sample.direction);
+            take(sample.line * self.of_line(change), change, &derivative);
         }
         if sample.area > 0.0 {
-            let (strain, derivative) = self.area_strain();
-            take(sample.area * scales.of_area(strain), strain, &derivative);
+            let (change, derivative) = strain.area_strain();
+            take(sample.area * self.of_area(change), change, &derivative);
         }
         if sample.all_round > 0.0 {
-            let stiffness = scales.of_paper(self.largest_stretch());
+            let stiffness = self.of_paper(strain.largest_stretch());
             for direction in &ALL_ROUND {
-                let (strain, derivative) = self.stretch(direction);
-                take(sample.all_round / 4.0 * stiffness, strain, &derivative);
+                let (change, derivative) = strain.stretch(direction);
+                take(sample.all_round / 4.0 * stiffness, change, &derivative);
             }
-            let squeezed = self.resistance_to_folds();
+            let squeezed = strain.resistance_to_folds();
             if squeezed > 0.0 {
-                let (strain, derivative) = self.area_strain();
-                take(sample.all_round * squeezed, strain, &derivative);
+                let (change, derivative) = strain.area_strain();
+                take(sample.all_round * squeezed, change, &derivative);
             }
         }
         if sample.angle > 0.0 {
-            let shear = self.shear();
-            for (axis, derivative) in self.shear_derivatives().into_iter().enumerate() {
+            let shear = strain.shear();
+            for (axis, derivative) in strain.shear_derivatives().into_iter().enumerate() {
                 take(sample.angle, shear[axis], &derivative);
             }
         }
     }
+}
 
+impl Strain {
     /// The strain along the line at a sample.
     pub(super) fn along(&self, sample: &Sample) -> f64 {
         self.stretch(&sample.direction).0

@@ -38,24 +38,31 @@ fn frame(width: f64, height: f64) -> Ink {
 
 const MIDDLE: FlatPoint = FlatPoint::new(0.0, 0.0);
 
+fn strains(map: &IsometricMap, task: &Task) -> Vec<Strain> {
+    let mut strains = Vec::new();
+    strains_at(map, task.surface, task.samples, &mut strains);
+    strains
+}
+
 #[test]
 fn derivatives_match_differences_of_the_energy() {
     let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
     let ink = frame(30.0, 20.0);
     let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
     let samples = map.samples(&ink, &Weights::START, FINE);
-    let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 };
+    let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: Cap(0.01) };
     // The slope of the energy along a random shift is −2 times the right-hand side times the shift.
     let (columns, rows) = (map.knots_s.control_points(), map.knots_t.control_points());
     let shift: Vec<[f64; 2]> =
         (0..columns * rows).map(|index| [(index as f64).sin(), (index as f64 * 1.7).cos()]).collect();
-    let expected = -2.0 * map.linearised(&task).gain(&shift);
+    let equations = equations(&map, MIDDLE, &samples, &strains(&map, &task), &task.cap);
+    let expected = -2.0 * equations.gain(&shift);
     let start = map.control.clone();
     let mut energy_at = |length: f64| {
         for (point, (old, shift)) in map.control.iter_mut().zip(start.iter().zip(&shift)) {
             *point = old + Vector2::from(*shift) * length;
         }
-        map.energy(&task)
+        map.energy(&task, &strains(&map, &task))
     };
     let found = (energy_at(1e-6) - energy_at(-1e-6)) / 2e-6;
     assert!((found / expected - 1.0).abs() < 1e-5, "{found} for {expected}");
@@ -148,7 +155,8 @@ fn gathered_lines_have_the_energy_of_their_pieces() {
     let map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
     let energy = |most_places: usize| {
         let samples = map.samples(&ink, &Weights::START, Fineness { most_places, ..FINE });
-        map.energy(&Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: 0.01 })
+        let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: Cap(0.01) };
+        map.energy(&task, &strains(&map, &task))
     };
     let (gathered, each) = (energy(FINE.most_places), energy(usize::MAX));
     assert!((gathered / each - 1.0).abs() < 0.01, "{gathered} for {each}");
@@ -165,4 +173,68 @@ fn a_line_has_the_same_weight_in_any_number_of_pieces() {
         // The cells between the lines are found in squares of 0.4 mm, which the ends of pieces move a little.
         assert!(apart < 0.02, "{apart} mm at {at:?}");
     }
+}
+
+/// Where no ink is, the places at which paper is sampled must see every pattern of control points, also the one that changes
+/// its sign from each point to the next.
+#[test]
+fn paper_resists_every_pattern_of_control_points() {
+    let surface = graph(|_, _| 0.0);
+    let ink = frame(30.0, 20.0);
+    let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
+    let weights = Weights { line: 0.0, area: 0.0, shape: 0.0, paper: 1.0 };
+    let samples = map.samples(&ink, &Weights { line: f64::MIN_POSITIVE, ..weights }, FINE);
+    let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: Cap::NONE };
+    let (columns, start) = (map.knots_s.control_points(), map.control.clone());
+    let flat = map.energy(&task, &strains(&map, &task));
+    let patterns: [fn(usize, usize) -> bool; 5] = [
+        |column, row| (column + row) % 2 == 0,
+        |column, _| column % 2 == 0,
+        |_, row| row % 2 == 0,
+        |column, row| (column / 2 + row / 2) % 2 == 0,
+        |column, row| column % 2 == 0 && row % 2 == 0,
+    ];
+    for pattern in patterns {
+        for axis in [Vector2::x(), Vector2::y()] {
+            for (index, (point, start)) in map.control.iter_mut().zip(&start).enumerate() {
+                let sign = if pattern(index % columns, index / columns) { 1.0 } else { -1.0 };
+                *point = start + axis * (0.1 * sign);
+            }
+            let energy = map.energy(&task, &strains(&map, &task));
+            // A strain of 0.1 mm over a cell of 1.5 mm, weakened by the spline.
+            assert!(energy > flat + 1e-5, "{energy:.2e} beside {flat:.2e}");
+        }
+    }
+}
+
+#[test]
+fn the_bound_for_the_area_of_a_cell_is_below_all_areas_in_it() {
+    let surface = graph(|x, y| (900.0 - x * x - y * y).max(0.0).sqrt());
+    let ink = frame(34.0, 20.0);
+    let mut map = IsometricMap::solve(&surface, &ink, MIDDLE, &IsometricOptions::INK).unwrap();
+    // Also for a map that is the less even the farther up, and folded there.
+    let count = map.control.len() as f64;
+    for (index, point) in map.control.iter_mut().enumerate() {
+        let index = index as f64;
+        *point += Vector2::new((index * 1.3).sin(), (index * 0.7).cos()) * (1.5 * index / count);
+    }
+    let (mut passed, mut folded) = (0, 0);
+    for row in 0..map.knots_t.spans() {
+        for column in 0..map.knots_s.spans() {
+            let bound = map.smallest_area(row, column);
+            passed += usize::from(bound > 0.05);
+            for (u, v) in (0..100).map(|place| (f64::from(place % 10) / 9.0, f64::from(place / 10) / 9.0)) {
+                let s =
+                    map.knots_s.start() + map.knots_s.step() * (column as f64 + u.clamp(1e-9, 1.0 - 1e-9));
+                let t = map.knots_t.start() + map.knots_t.step() * (row as f64 + v.clamp(1e-9, 1.0 - 1e-9));
+                let sample = Sample::at(map.knots_s.basis(s), map.knots_t.basis(t));
+                let [_, by_s, by_t] = map.image(&sample);
+                let area = by_s.perp(&by_t);
+                folded += usize::from(area < 0.0);
+                assert!(area >= bound - 1e-12, "{area} in a cell that keeps {bound}");
+                assert!(map.strain_only(&surface, &sample).area() >= area || area < 0.0);
+            }
+        }
+    }
+    assert!(passed > 0 && folded > 0, "{passed} cells cannot fold, {folded} places are folded");
 }
