@@ -21,7 +21,7 @@ use self::cylinder::{CylinderError, CylinderFit, CylinderMap, ON_FACE};
 use self::floater::{FloaterError, FloaterMap, FloaterWeights};
 use self::isometric::{Figure, Instead, IsometricError, IsometricMap, IsometricOptions};
 use self::mapping_domain::{MappingDomainError, MappingDomainMap, MappingDomainOptions};
-use self::patch::{SampledPatch, TooFewPoints};
+use self::patch::{FEW_POINTS, SampledPatch, TooFewPoints};
 use crate::geometry::ink::Ink;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::primitive::{Form, Primitive};
@@ -127,8 +127,8 @@ impl LengthTrueMap {
     ) -> Result<Self, MapError> {
         match method {
             Method::Plain => Ok(Self::Plain),
-            Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, is_marked), anchor),
-            Method::Cone => Self::unroll_cone(surface, &coarse_ink(pattern, is_marked), anchor),
+            Method::Cylinder => Self::unroll_cylinder(surface, &coarse_ink(pattern, is_marked), anchor, None),
+            Method::Cone => Self::unroll_cone(surface, &coarse_ink(pattern, is_marked), anchor, None),
             Method::Given(primitive) => {
                 let ink = coarse_ink(pattern, is_marked);
                 let height = primitive.height(anchor.coords().into()).unwrap_or(0.0);
@@ -163,7 +163,7 @@ impl LengthTrueMap {
                 let from_file = (!surface.known().is_empty()).then_some(ON_FACE);
                 for tolerance in from_file.into_iter().chain([*exact_tolerance]) {
                     for exact in [Self::unroll_cylinder, Self::unroll_cone] {
-                        if let Ok(map) = exact(surface, &ink, anchor)
+                        if let Ok(map) = exact(surface, &ink, anchor, Some(tolerance))
                             && map.fit_residual().is_some_and(|residual| residual <= tolerance)
                         {
                             return Ok(map);
@@ -285,9 +285,15 @@ impl LengthTrueMap {
         Ok((map, lines))
     }
 
-    fn unroll_cylinder(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
+    /// With a tolerance, mm, the map of a surface that is not within it of any cylinder may be anyone with a larger residual.
+    fn unroll_cylinder(
+        surface: &FittedSurface,
+        ink: &Ink,
+        anchor: FlatPoint,
+        tolerance: Option<f64>,
+    ) -> Result<Self, MapError> {
         let height = surface.nurbs.height(anchor.coords().into());
-        unroll(surface, ink, |patch| {
+        unroll(surface, ink, tolerance, |patch| {
             let patch = patch.map_err(CylinderError::from)?;
             let fit =
                 CylinderFit::known(surface.known(), &patch).map_or_else(|| CylinderFit::to(&patch), Ok)?;
@@ -295,10 +301,16 @@ impl LengthTrueMap {
         })
     }
 
-    fn unroll_cone(surface: &FittedSurface, ink: &Ink, anchor: FlatPoint) -> Result<Self, MapError> {
+    /// The tolerance is that of [`Self::unroll_cylinder`].
+    fn unroll_cone(
+        surface: &FittedSurface,
+        ink: &Ink,
+        anchor: FlatPoint,
+        tolerance: Option<f64>,
+    ) -> Result<Self, MapError> {
         let height = surface.nurbs.height(anchor.coords().into());
         let reach = reach(ink, anchor);
-        unroll(surface, ink, |patch| {
+        unroll(surface, ink, tolerance, |patch| {
             let patch = patch.map_err(ConeError::from)?;
             let fit = ConeFit::known(surface.known(), &patch).map_or_else(|| ConeFit::to(&patch), Ok)?;
             Ok(Self::Cone(ConeMap::new(fit.cone, anchor, height, reach)?, fit))
@@ -437,11 +449,21 @@ impl LengthTrueMap {
 fn unroll(
     surface: &FittedSurface,
     ink: &Ink,
+    tolerance: Option<f64>,
     find: impl Fn(Result<SampledPatch, TooFewPoints>) -> Result<LengthTrueMap, MapError>,
 ) -> Result<LengthTrueMap, MapError> {
-    let rough = find(SampledPatch::under(surface, &ink.extents.scaled(0.5)))?;
+    let rough = find(SampledPatch::roughly_under(surface, &ink.extents.scaled(0.5)))?;
     let ends = ink.pieces.iter().flat_map(|piece| [piece.from, piece.to]).chain(ink.dots.iter().copied());
     let reached = Extents::of(ends.map(|end| rough.point(end).coords()));
+    if let Some(tolerance) = tolerance {
+        // If all points are within the tolerance of a primitive, the mean square of a few is below its square for the primitive
+        // that fits these best, and the largest of their distances below this.
+        let largest = tolerance * (FEW_POINTS as f64).sqrt();
+        let few = find(SampledPatch::roughly_under(surface, &reached))?;
+        if few.fit_residual().is_some_and(|residual| residual > largest) {
+            return Ok(few);
+        }
+    }
     let patch = SampledPatch::under(surface, &reached);
     let narrow = find(patch.clone())?;
     let is_near = |map: &LengthTrueMap, times: f64| {

@@ -8,6 +8,8 @@ use crate::geometry::surface::fit::FittedSurface;
 
 /// Maximum number of points; more would change a fit by less than a nanometre.
 const MAX_POINTS: usize = 1500;
+/// Number of points that show where a primitive is, and where there is none.
+pub(super) const FEW_POINTS: usize = 200;
 /// Minimum number of points.
 const MIN_POINTS: usize = 25;
 /// Sampled points of a part, mm, with their unit normals on the laser's side, in the frame of the view.
@@ -33,18 +35,28 @@ impl SampledPatch {
     /// # Errors
     /// When fewer than 25 nodes of the height field are in the rectangle.
     pub fn under(surface: &FittedSurface, under: &Extents) -> Result<Self, TooFewPoints> {
+        Self::sampled(surface, under, MAX_POINTS)
+    }
+
+    /// About [`FEW_POINTS`] of the points of [`Self::under`].
+    pub(super) fn roughly_under(surface: &FittedSurface, under: &Extents) -> Result<Self, TooFewPoints> {
+        Self::sampled(surface, under, FEW_POINTS)
+    }
+
+    fn sampled(surface: &FittedSurface, under: &Extents, most: usize) -> Result<Self, TooFewPoints> {
         let min_side = (under.size().max() / 4.0).max(6.0 * surface.field.step());
         let under = under.grown_to(min_side);
         let nodes: Vec<(ViewPoint, f64)> = surface
             .field
-            .surface_nodes()
+            .surface_nodes_about(&under)
             .map(|(column, row, height)| (surface.field.position(column, row), height))
             .filter(|(at, _)| under.contains(at.coords()))
             .collect();
         if nodes.len() < MIN_POINTS {
             return Err(TooFewPoints { points: nodes.len() });
         }
-        let kept = nodes.iter().step_by(nodes.len().div_ceil(MAX_POINTS));
+        let step = nodes.len().div_ceil(MAX_POINTS);
+        let kept = nodes.iter().step_by(step * nodes.len().div_ceil(step * most));
         let (points, normals) = kept
             .map(|(at, height)| {
                 let gradient = surface.jet(*at).gradient;

@@ -464,6 +464,26 @@ impl HeightField {
         })
     }
 
+    /// Those of [`Self::surface_nodes`] within a rectangle, mm, and some beside it, in the same order.
+    pub(crate) fn surface_nodes_about(
+        &self,
+        within: &Extents,
+    ) -> impl Iterator<Item = (usize, usize, f64)> + use<'_> {
+        let Grid { origin, step, columns, rows } = self.grid;
+        let between = |along: usize, count: usize| {
+            // A cast saturates.
+            let index = |place: f64| ((place - origin[along]) / step) as usize;
+            index(within.min[along]).min(count)..index(within.max[along]).saturating_add(2).min(count)
+        };
+        let (across, up) = (between(0, columns), between(1, rows));
+        up.flat_map(move |row| across.clone().map(move |column| (column, row))).filter_map(
+            move |(column, row)| match self.nodes[row * columns + column] {
+                Node::Surface(height) => Some((column, row, height)),
+                _ => None,
+            },
+        )
+    }
+
     /// The bounding rectangle of all nodes on the part, mm, with its walls; the part ends less than a step beyond it.
     pub fn extents(&self) -> Extents {
         let on_part = self.nodes.iter().enumerate().filter(|(_, node)| **node != Node::Empty);
@@ -604,6 +624,14 @@ mod tests {
         let field = FacingPart::new(&two_floors(), &below).sampled(1.0);
         assert!(field.surface_nodes().all(|(_, _, height)| height.abs() < 1e-12));
         assert_eq!(field.surface_nodes().count(), 121);
+        for half in [0.4, 3.0, 1e9] {
+            let within = Extents { min: Vector2::new(-half, -0.7), max: Vector2::new(1.9, half) };
+            let is_within = |&(column, row, _): &(usize, usize, f64)| {
+                within.contains(field.position(column, row).coords())
+            };
+            let found: Vec<_> = field.surface_nodes_about(&within).filter(is_within).collect();
+            assert_eq!(found, field.surface_nodes().filter(is_within).collect::<Vec<_>>());
+        }
     }
 
     #[test]
