@@ -751,6 +751,32 @@ fn white_gradients_and_clips_are_reported() {
     assert!(matches!(whole.pattern.paths[0].shape.segments(), [Segment::Arc { .. }]));
 }
 
+/// SVG 2, section 13.2: a reference to a paint server that does not exist is `none`, or the colour behind it.
+#[test]
+fn gradients_that_the_file_does_not_contain_paint_nothing() {
+    let mark = "<path d='M20 10h10v10h-10z'/>";
+    for (paint, expected) in [
+        ("fill='url(#lost)'", false),
+        ("fill='url(#lost) none'", false),
+        ("style='fill:url(\"#lost\")'", false),
+        ("fill='url(#clip)'", false),
+        ("fill='none' stroke='url(#lost)'", false),
+        ("fill='url(#lost) #00f'", true),
+        ("fill='url(#lost) currentColor'", true),
+        ("fill='url(#lost)' stroke='black' stroke-width='0.3'", true),
+        ("fill='url(#found)'", true),
+        ("fill='none' stroke='url(#found)'", true),
+    ] {
+        let definitions = "<clipPath id='clip'><path d='M0 0h1v1z'/></clipPath>\
+            <linearGradient id='found'><stop stop-color='red'/></linearGradient>";
+        let reading = drawn(&format!("{definitions}{mark}<path id='x' d='M1 1h5v5z' {paint}/>"));
+        let is_drawn = reading.pattern.paths.iter().any(|path| path.source.handle.as_deref() == Some("x"));
+        assert_eq!(is_drawn, expected, "{paint}");
+        assert_eq!(codes(&reading.facts).contains(&"svg-shades"), paint.contains("found"), "{paint}");
+        assert!(reading.facts.skipped.iter().all(|skipped| !skipped.is_ink), "{paint}");
+    }
+}
+
 #[test]
 fn the_white_ground_of_a_page_is_not_marked() {
     let mark = "<path d='M20 10h10v10h-10z'/>";

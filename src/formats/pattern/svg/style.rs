@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::str::FromStr;
 
@@ -10,6 +10,7 @@ use i_overlay::core::fill_rule::FillRule;
 use kurbo::{Cap, Join};
 use nalgebra::Vector2;
 use roxmltree::{Document, Node, NodeType};
+use svgtypes::PaintFallback;
 
 use super::super::error::{EntityName, PatternReadError};
 use super::css::{self, Sheet};
@@ -83,6 +84,8 @@ pub(super) struct Style {
     variables: Rc<Variables>,
     /// Properties that could not be read, with the reasons; some are of the element itself.
     unread: Rc<BTreeMap<String, String>>,
+    /// The ids of the gradients and patterns of the drawing.
+    servers: Rc<BTreeSet<String>>,
     // Of the element itself.
     pub(super) opacity: f64,
     pub(super) displayed: bool,
@@ -170,6 +173,7 @@ impl Default for Style {
             root_font_size: FONT_SIZE,
             variables: Rc::default(),
             unread: Rc::default(),
+            servers: Rc::default(),
             opacity: 1.0,
             displayed: true,
             clip: None,
@@ -319,9 +323,15 @@ struct Given<'s> {
     uncertain: Option<&'s str>,
 }
 
+/// Elements that areas and strokes may be painted with.
+const PAINT_SERVERS: [&str; 7] =
+    ["linearGradient", "radialGradient", "pattern", "hatch", "meshgradient", "meshGradient", "solidColor"];
+
 /// The sheets of a drawing.
 pub(super) struct Sheets {
     sheet: Sheet,
+    /// The ids of the gradients and patterns of the drawing.
+    servers: Rc<BTreeSet<String>>,
     steps: Steps,
 }
 
@@ -353,7 +363,9 @@ impl Sheets {
             }
         }
         sheet.sort();
-        Self { sheet, steps: Steps::default() }
+        let servers = document.descendants().filter(|node| PAINT_SERVERS.contains(&node.tag_name().name()));
+        let servers = servers.filter_map(|node| node.attribute("id")).map(str::to_owned).collect();
+        Self { sheet, servers: Rc::new(servers), steps: Steps::default() }
     }
 
     /// Style sheets in other files, which are not read.
@@ -369,6 +381,7 @@ impl Sheets {
         viewport: Vector2<f64>,
     ) -> Result<Style, TooManySelectors> {
         let mut style = Style {
+            servers: Rc::clone(&self.servers),
             opacity: 1.0,
             displayed: true,
             clip: None,
@@ -897,7 +910,11 @@ impl Style {
             svgtypes::Paint::CurrentColor if self.unread.contains_key("color") => return None,
             svgtypes::Paint::CurrentColor => own,
             svgtypes::Paint::Color(color) => of(color),
-            svgtypes::Paint::FuncIRI(..) => Paint::Server,
+            svgtypes::Paint::FuncIRI(id, _) if self.servers.contains(id) => Paint::Server,
+            // What the file does not contain paints nothing, or with the colour that is named for this case.
+            svgtypes::Paint::FuncIRI(_, None | Some(PaintFallback::None)) => Paint::None,
+            svgtypes::Paint::FuncIRI(_, Some(PaintFallback::CurrentColor)) => own,
+            svgtypes::Paint::FuncIRI(_, Some(PaintFallback::Color(color))) => of(color),
             svgtypes::Paint::ContextFill => self.context_paints[0],
             svgtypes::Paint::ContextStroke => self.context_paints[1],
             svgtypes::Paint::Inherit => return None,
