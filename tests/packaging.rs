@@ -90,6 +90,7 @@ fn header_of_windows() -> Vec<u8> {
 }
 
 /// The same for Linux.
+#[cfg(target_os = "linux")]
 fn header_of_linux() -> Vec<u8> {
     let mut bytes = vec![0; 64];
     bytes[..6].copy_from_slice(b"\x7fELF\x02\x01");

@@ -150,7 +150,8 @@ pub(super) fn init(arguments: &InitArguments) -> Outcome {
         fs::create_dir_all(folder.join(name)).map_err(failed)?;
     }
     for (name, bytes) in FILES {
-        let path = folder.join(name);
+        // With the separators of this system.
+        let path: PathBuf = folder.join(name).components().collect();
         let verb = if path.exists() { "kept" } else { "written" };
         if let (false, Some(parent), Some(name)) = (path.exists(), path.parent(), path.file_name()) {
             write_whole(parent, &name.to_string_lossy(), bytes).map_err(failed)?;

@@ -261,9 +261,10 @@ mod tests {
             settings: settings.map(Into::into),
             list: None,
         };
-        let at = |ns| Some(UNIX_EPOCH + std::time::Duration::from_nanos(ns));
-        let job = |line: &str, drop: &str, ns, inputs| {
-            LineJob::new(line, "can.dxf", Origin { sender: "a", drop, at: at(ns) }, inputs).id
+        // Windows stores times in units of 100 ns.
+        let at = |ticks: u64| Some(UNIX_EPOCH + std::time::Duration::from_nanos(100 * ticks));
+        let job = |line: &str, drop: &str, ticks, inputs| {
+            LineJob::new(line, "can.dxf", Origin { sender: "a", drop, at: at(ticks) }, inputs).id
         };
         let one = job("b", "can.dxf", 1, inputs("x", None));
         assert_eq!(one, job("b", "can.dxf", 1, inputs("x", None)));

@@ -41,7 +41,6 @@ fn certificates(desk: &Desk, authority: &str, names: &str) {
     ]);
 }
 
-#[cfg(unix)]
 #[test]
 fn the_server_is_verified_and_nothing_falls_back_to_a_plain_connection() {
     if programs().is_none() {

@@ -37,4 +37,5 @@ mod workers;
 mod job_kills;
 mod stations;
 mod tables;
+#[cfg(unix)]
 mod encryption;

@@ -2,11 +2,16 @@
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
+#[cfg(unix)]
 use std::process::Command;
 
+#[cfg(unix)]
 use crate::browser;
+#[cfg(unix)]
 use crate::server::{Server, waits_for};
-use crate::station::{Station, in_fleet, line, trough};
+use crate::station::Station;
+#[cfg(unix)]
+use crate::station::{in_fleet, line, trough};
 use crate::tables::server_with_tables;
 
 /// The address of the page of a station.

@@ -19,13 +19,15 @@ const LONGEST_RUN: Duration = Duration::from_secs(4 * 3600);
 /// The folder with `initdb` and `postgres`; `None` if PostgreSQL is not installed, which is a failure in CI.
 pub fn programs() -> Option<PathBuf> {
     let given = std::env::var_os("ISOMARK_POSTGRES").map(PathBuf::from);
-    let debian = fs::read_dir("/usr/lib/postgresql").into_iter().flatten();
+    // Under Wine, this folder has programs that Wine does not run.
+    let debian = cfg!(unix).then(|| fs::read_dir("/usr/lib/postgresql")).into_iter().flatten().flatten();
     let mut debian: Vec<PathBuf> = debian.filter_map(|entry| Some(entry.ok()?.path().join("bin"))).collect();
     debian.sort();
     debian.reverse();
     let path = std::env::var_os("PATH").unwrap_or_default();
     let all = given.into_iter().chain(debian).chain(std::env::split_paths(&path));
-    let found = all.into_iter().find(|folder| folder.join("initdb").exists());
+    let initdb = format!("initdb{}", std::env::consts::EXE_SUFFIX);
+    let found = all.into_iter().find(|folder| folder.join(&initdb).exists());
     if found.is_none() {
         assert!(std::env::var_os("CI").is_none(), "PostgreSQL is needed in CI: apt-get install postgresql");
         println!("SKIPPED: PostgreSQL is not installed");
@@ -64,13 +66,17 @@ fn its_user() -> Option<(u32, u32)> {
 }
 
 /// Gives a folder with its content to the user of the server.
+#[cfg(unix)]
 fn hand_over(folder: &Path) {
-    #[cfg(unix)]
     if let Some((user, group)) = its_user() {
         let status = Command::new("chown").arg("-R").arg(format!("{user}:{group}")).arg(folder).status();
         assert!(status.unwrap().success());
     }
 }
+
+/// The server has no user of its own.
+#[cfg(not(unix))]
+fn hand_over(_: &Path) {}
 
 /// A server. Dropping it ends it.
 pub struct Server {

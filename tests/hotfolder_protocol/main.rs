@@ -25,6 +25,8 @@ use isomark::reason::{Place, Reason};
 mod held_open;
 #[path = "../schemas/mod.rs"]
 mod schemas;
+#[path = "../times/mod.rs"]
+mod times;
 mod pictures;
 mod side_by_side;
 mod uncertain;

@@ -18,6 +18,8 @@ mod schemas;
 mod khronos;
 #[path = "../browser/mod.rs"]
 mod browser;
+#[path = "../times/mod.rs"]
+mod times;
 
 mod correct;
 mod on_part;

@@ -9,6 +9,7 @@ use fs_err as fs;
 
 use crate::desk::{Desk, Output, drawing, part};
 use crate::ezdxf::{assert_clean, judged};
+use crate::times;
 
 /// The time limit for anything on a slow machine.
 const DEADLINE: Duration = Duration::from_secs(30);
@@ -66,7 +67,11 @@ impl Station {
     }
 
     /// As if the station had ended after the journal recorded that the drawing `<sku>.dxf` was about to be delivered.
-    pub fn interrupt_delivery(&self, sku: &str) {
+    /// Returns `false` where the import folder would not be recognized after that.
+    pub fn interrupt_delivery(&self, sku: &str) -> bool {
+        if !times::are_those_of_creation(self.desk.root()) {
+            return false;
+        }
         let journal = self.desk.text("state/journal.log");
         let start = journal.rfind("\"did\":\"delivering\"").unwrap();
         let end = start + journal[start..].find('\n').unwrap() + 1;
@@ -74,6 +79,7 @@ impl Station {
         let drawing = format!("{sku}.dxf");
         fs::rename(self.path("archive").join(sku).join(&drawing), self.path("hot").join(&drawing)).unwrap();
         fs::remove_file(self.path("import").join(&drawing)).unwrap();
+        true
     }
 
     /// Ends the program without time to clean up.

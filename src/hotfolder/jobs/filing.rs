@@ -534,7 +534,8 @@ mod tests {
         let folders = folders_in(folder.path());
         fs::create_dir_all(&folders.hot).unwrap();
         let station = std::path::absolute(STATION).unwrap();
-        let retry = format!("run `isomark retry {} can@1.dxf`.", quoted(&station.to_string_lossy()));
+        let [station, name] = [&*station.to_string_lossy(), "can@1.dxf"].map(quoted);
+        let retry = format!("run `isomark retry {station} {name}`.");
         let beside = folders.hot.join("can@1.toml").display().to_string();
         for (code, file, step) in [
             (
