@@ -56,6 +56,11 @@ pub(super) trait Straight {
 
     /// How far the group's facets leave it at most, mm.
     fn largest_bulge(&self) -> f64;
+
+    /// How far it may be off at a side of the group, mm, where its vertices do not show it better.
+    fn doubt(&self, _side: usize) -> f64 {
+        0.0
+    }
 }
 
 /// A place beyond a rim, mm: along the lines of the surface, and towards or away from it.
@@ -157,7 +162,7 @@ impl<'a> Surroundings<'a> {
             let next = next.filter(|next| next.distance() > NEXT * first.distance());
             let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
             let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };
-            if !profile.is_of_straight(bulge, self.near) {
+            if !profile.is_of_straight(bulge, self.near + surface.doubt(side)) {
                 unlike += length;
             }
         }
