@@ -16,6 +16,7 @@ mod scatter;
 mod sections;
 mod settling;
 mod slopes;
+mod spheres;
 mod strips;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};

@@ -9,7 +9,7 @@
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::SmoothMesh;
-use super::ends::{Straight, Surroundings, precision};
+use super::ends::{Straight, Surface, Surroundings, precision};
 use super::plane_facets::PlaneFacets;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, facet_normal, sliver_side};
@@ -185,11 +185,7 @@ struct OnMesh<'a> {
     group: &'a Group,
 }
 
-impl Straight for OnMesh<'_> {
-    fn axis(&self) -> Vector3<f64> {
-        *self.group.cylinder.axis
-    }
-
+impl Surface for OnMesh<'_> {
     fn triangles(&self) -> &[usize] {
         &self.group.triangles
     }
@@ -199,13 +195,19 @@ impl Straight for OnMesh<'_> {
         self.group.cylinder.outward(&nalgebra::center(&from, &to))
     }
 
-    fn distance(&self, _: usize, at: &Point3<f64>) -> f64 {
-        self.group.cylinder.distance(at).abs()
-    }
-
     fn largest_bulge(&self) -> f64 {
         let bulges = self.group.triangles.iter();
         bulges.map(|&triangle| bulge_on(self.mesh, &self.group.cylinder, triangle)).fold(0.0, f64::max)
+    }
+}
+
+impl Straight for OnMesh<'_> {
+    fn axis(&self) -> Vector3<f64> {
+        *self.group.cylinder.axis
+    }
+
+    fn distance(&self, _: usize, at: &Point3<f64>) -> f64 {
+        self.group.cylinder.distance(at).abs()
     }
 }
 

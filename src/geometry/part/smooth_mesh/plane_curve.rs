@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::disjoint_sets::DisjointSets;
-use super::ends::Straight;
+use super::ends::{Straight, Surface};
 use crate::geometry::adjacency::{facet_normal, sliver_side};
 
 /// Vertices are on a curve within this share of how far it leaves its chords, where its curvature changes from one to the next.
@@ -465,11 +465,7 @@ impl PlaneCurve {
     }
 }
 
-impl Straight for CurveStrip<'_> {
-    fn axis(&self) -> Vector3<f64> {
-        self.curve.axis
-    }
-
+impl Surface for CurveStrip<'_> {
     fn triangles(&self) -> &[usize] {
         &self.triangles
     }
@@ -479,14 +475,20 @@ impl Straight for CurveStrip<'_> {
         sum.try_normalize(0.0).unwrap_or(sum)
     }
 
+    fn largest_bulge(&self) -> f64 {
+        self.curve.largest_bulge
+    }
+}
+
+impl Straight for CurveStrip<'_> {
+    fn axis(&self) -> Vector3<f64> {
+        self.curve.axis
+    }
+
     fn distance(&self, side: usize, at: &Point3<f64>) -> f64 {
         let flat = at - self.curve.axis * at.coords.dot(&self.curve.axis);
         let nearest = self.curve.nearest(self.places_of(side).map(|place| place.at), &flat);
         nearest.map_or(0.0, |place| place.off)
-    }
-
-    fn largest_bulge(&self) -> f64 {
-        self.curve.largest_bulge
     }
 
     fn doubt(&self, side: usize) -> f64 {

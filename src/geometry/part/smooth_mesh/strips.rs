@@ -9,7 +9,7 @@ use std::collections::{BTreeSet, VecDeque};
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
-use super::ends::{Straight, Surroundings, precision};
+use super::ends::{Straight, Surface, Surroundings, precision};
 use super::hidden_arcs::HiddenArc;
 use super::plane_curve::CurveStrip;
 use super::settling::Settling;
@@ -379,11 +379,7 @@ impl<'a> Strip<'a> {
     }
 }
 
-impl Straight for Strip<'_> {
-    fn axis(&self) -> Vector3<f64> {
-        self.axis
-    }
-
+impl Surface for Strip<'_> {
     fn triangles(&self) -> &[usize] {
         &self.triangles
     }
@@ -391,6 +387,16 @@ impl Straight for Strip<'_> {
     fn outward(&self, side: usize) -> Vector3<f64> {
         let sum: Vector3<f64> = self.ends_of(side).map(|vertex| self.alone.normals[vertex as usize]).sum();
         sum.try_normalize(0.0).unwrap_or(sum)
+    }
+
+    fn largest_bulge(&self) -> f64 {
+        (0..self.alone.triangles.len()).map(|triangle| self.alone.bulge(triangle)).fold(0.0, f64::max)
+    }
+}
+
+impl Straight for Strip<'_> {
+    fn axis(&self) -> Vector3<f64> {
+        self.axis
     }
 
     fn distance(&self, side: usize, at: &Point3<f64>) -> f64 {
@@ -403,10 +409,6 @@ impl Straight for Strip<'_> {
         let squared = |(distance, beside): &(f64, f64)| distance * distance + beside * beside;
         let nearest = distances.min_by(|one, other| squared(one).total_cmp(&squared(other)));
         nearest.map_or(0.0, |(distance, _)| distance)
-    }
-
-    fn largest_bulge(&self) -> f64 {
-        (0..self.alone.triangles.len()).map(|triangle| self.alone.bulge(triangle)).fold(0.0, f64::max)
     }
 }
 
