@@ -88,7 +88,7 @@ impl ConeFit {
     /// See [`ConeError`].
     pub fn to(patch: &SampledPatch) -> Result<Self, ConeError> {
         let start = start_cone(patch)?;
-        let cone = patch.fit(start, Cone::distance_and_derivatives, Cone::moved);
+        let cone = patch.fit(start, Cone::distances_and_derivatives, Cone::moved);
         let residual = patch.points.iter().map(|point| cone.distance(point).abs()).fold(0.0, f64::max);
         let sensible = MIN_ANGLE..=std::f64::consts::FRAC_PI_2 - MIN_ANGLE;
         if !residual.is_finite() || !sensible.contains(&cone.half_angle) {
@@ -154,19 +154,22 @@ impl Cone {
         self.split(point).1.normalize() * cos - *self.axis * sin
     }
 
-    /// Distance and its derivatives by shifts of the apex, rotations of the axis, and the half angle.
-    fn distance_and_derivatives(&self, point: &Point3<f64>) -> (f64, [f64; 6]) {
-        let (along, radial) = self.split(point);
+    /// Of points, the distances and their derivatives by shifts of the apex, rotations of the axis, and the half angle.
+    fn distances_and_derivatives(self) -> impl Fn(&Point3<f64>) -> (f64, [f64; 6]) {
         let (sin, cos) = self.half_angle.sin_cos();
-        let radius = radial.norm();
-        let outward = radial / radius;
-        let normal = outward * cos - *self.axis * sin;
         let (first, second) = cross_directions(&self.axis);
-        let by_turn =
-            |direction: &Vector3<f64>| -outward.dot(direction) * along * cos - radial.dot(direction) * sin;
-        let derivatives =
-            [-normal.x, -normal.y, -normal.z, by_turn(&first), by_turn(&second), -radius * sin - along * cos];
-        (radius * cos - along * sin, derivatives)
+        move |point| {
+            let (along, radial) = self.split(point);
+            let radius = radial.norm();
+            let outward = radial / radius;
+            let normal = outward * cos - *self.axis * sin;
+            let by_turn = |direction: &Vector3<f64>| {
+                -outward.dot(direction) * along * cos - radial.dot(direction) * sin
+            };
+            let by_angle = -radius * sin - along * cos;
+            let derivatives = [-normal.x, -normal.y, -normal.z, by_turn(&first), by_turn(&second), by_angle];
+            (radius * cos - along * sin, derivatives)
+        }
     }
 
     fn moved(&self, step: &[f64; 6]) -> Self {

@@ -72,7 +72,7 @@ impl CylinderFit {
     /// See [`CylinderError`].
     pub fn to(patch: &SampledPatch) -> Result<Self, CylinderError> {
         let start = start_cylinder(patch)?;
-        let cylinder = patch.fit(start, Cylinder::distance_and_derivatives, Cylinder::moved);
+        let cylinder = patch.fit(start, Cylinder::distances_and_derivatives, Cylinder::moved);
         let residual = patch.points.iter().map(|point| cylinder.distance(point).abs()).fold(0.0, f64::max);
         if !residual.is_finite() {
             return Err(CylinderError::NoAxis { what: "the fit did not converge" });

@@ -88,12 +88,15 @@ impl SampledPatch {
     }
 
     /// The shape with the smallest sum of the squared distances of the points ([`shape_fit`](crate::geometry::shape_fit)).
-    pub(super) fn fit<Shape: Copy, const PARAMETERS: usize>(
+    pub(super) fn fit<Shape: Copy, Distances, const PARAMETERS: usize>(
         &self,
         shape: Shape,
-        distance_of: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
+        distances_from: impl Fn(Shape) -> Distances,
         moved: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
-    ) -> Shape {
-        fitted(MAX_STEPS, &self.points, shape, distance_of, moved)
+    ) -> Shape
+    where
+        Distances: Fn(&Point3<f64>) -> (f64, [f64; PARAMETERS]),
+    {
+        fitted(MAX_STEPS, &self.points, shape, distances_from, moved)
     }
 }

@@ -34,13 +34,16 @@ impl Cylinder {
         self.split(point).1.normalize()
     }
 
-    /// Distance and its derivatives by shifts and rotations of the axis, and by the radius.
-    pub(crate) fn distance_and_derivatives(&self, point: &Point3<f64>) -> (f64, [f64; 5]) {
-        let (along, radial) = self.split(point);
-        let outward = radial.normalize();
+    /// Of points, the distances and their derivatives by shifts and rotations of the axis, and by the radius.
+    pub(crate) fn distances_and_derivatives(self) -> impl Fn(&Point3<f64>) -> (f64, [f64; 5]) {
         let (first, second) = cross_directions(&self.axis);
-        let (a, b) = (outward.dot(&first), outward.dot(&second));
-        (radial.norm() - self.radius, [-a, -b, -a * along, -b * along, -1.0])
+        move |point| {
+            let (along, radial) = self.split(point);
+            let from_axis = radial.norm();
+            let outward = radial / from_axis;
+            let (a, b) = (outward.dot(&first), outward.dot(&second));
+            (from_axis - self.radius, [-a, -b, -a * along, -b * along, -1.0])
+        }
     }
 
     pub(crate) fn moved(&self, step: &[f64; 5]) -> Self {

@@ -8,23 +8,31 @@ const CONVERGED: f64 = 1e-10;
 pub(crate) const MAX_STEPS: usize = 30;
 
 /// Minimises the sum of the squared distances of the points from a shape with the Gauss–Newton method, in at most so many steps.
-/// `distance_of` returns the signed distance of a point and its derivatives by the shape's parameters, `moved`
-/// the shape after a step of the parameters.
-pub(crate) fn fitted<Shape: Copy, const PARAMETERS: usize>(
+/// `distances_from` returns what returns the signed distance of a point from a shape and its derivatives by the shape's parameters,
+/// `moved` the shape after a step of the parameters.
+pub(crate) fn fitted<Shape: Copy, Distances, const PARAMETERS: usize>(
     steps: usize,
     points: &[Point3<f64>],
     mut shape: Shape,
-    distance_of: impl Fn(&Shape, &Point3<f64>) -> (f64, [f64; PARAMETERS]),
+    distances_from: impl Fn(Shape) -> Distances,
     moved: impl Fn(&Shape, &[f64; PARAMETERS]) -> Shape,
-) -> Shape {
+) -> Shape
+where
+    Distances: Fn(&Point3<f64>) -> (f64, [f64; PARAMETERS]),
+{
     for _ in 0..steps {
+        let distance_of = distances_from(shape);
         let mut matrix = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
         let mut right = SVector::<f64, PARAMETERS>::zeros();
         for point in points {
-            let (distance, derivatives) = distance_of(&shape, point);
-            let row = SVector::from(derivatives);
-            matrix += row * row.transpose();
-            right -= row * distance;
+            let (distance, derivatives) = distance_of(point);
+            // The upper half of the matrix is not read.
+            for column in 0..PARAMETERS {
+                for row in column..PARAMETERS {
+                    matrix[(row, column)] += derivatives[row] * derivatives[column];
+                }
+                right[column] -= derivatives[column] * distance;
+            }
         }
         let Some(factor) = matrix.cholesky() else { break };
         let step = factor.solve(&right);

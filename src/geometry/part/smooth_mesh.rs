@@ -10,16 +10,18 @@ mod ends;
 mod hidden_arcs;
 mod joining;
 mod long_sides;
+mod plane_curve;
 mod plane_facets;
 mod scatter;
 mod sections;
 mod settling;
 mod slopes;
+mod spheres;
 mod strips;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-use super::adjacency::facet_normal;
+use super::adjacency::{NONE, facet_normal};
 use super::curved_triangle::CurvedTriangle;
 
 /// In files without normals, facets that meet at a larger angle than this, rad, are the two sides of an edge of the
@@ -50,7 +52,7 @@ pub struct SmoothMesh {
     /// of the part.
     pub regions: Vec<u32>,
     /// For each side of each triangle (side 3·t + k runs from corner k to the next), the neighbour's side that
-    /// continues it; [`NONE`](super::adjacency::NONE) at a border and at an edge of the part.
+    /// continues it; [`NONE`] at a border and at an edge of the part.
     pub(super) continued: Vec<u32>,
     /// For each triangle, how far the part may be from its curved patch, mm: where the normals round an edge of the
     /// facets, or contradict one another (`flats`); empty if there is no doubt.
@@ -124,5 +126,20 @@ impl SmoothMesh {
     pub(super) fn ends(&self, side: usize) -> [Point3<f64>; 2] {
         let corners = self.triangles[side / 3];
         [side % 3, (side % 3 + 1) % 3].map(|corner| self.positions[corners[corner] as usize])
+    }
+
+    /// The side that continues one, if both have the same vertices: those of cylinders have their own at edges.
+    fn continuing(&self, side: usize) -> Option<usize> {
+        let other = self.continued[side];
+        if other == NONE {
+            return None;
+        }
+        let ends = |side: usize| {
+            let corners = self.triangles[side / 3];
+            let (one, other) = (corners[side % 3], corners[(side % 3 + 1) % 3]);
+            (one.min(other), one.max(other))
+        };
+        let other = other as usize;
+        (ends(side) == ends(other)).then_some(other)
     }
 }

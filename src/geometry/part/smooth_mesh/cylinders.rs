@@ -6,12 +6,10 @@
 //! its ends confirms it (`ends`). Where a program cuts a hole into a mesh, the new vertices are on its facets (`plane_facets`), and
 //! not on the part from which these were cut.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::SmoothMesh;
-use super::ends::{Straight, Surroundings, precision};
+use super::ends::{Straight, Surface, Surroundings, precision};
 use super::plane_facets::PlaneFacets;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, facet_normal, sliver_side};
@@ -33,10 +31,10 @@ const LEAST_BULGE_OF_LONG: f64 = 10.0;
 /// Half of the facets of a cylinder's strip leave it by that; where the estimated normals let one leave by less than this share of
 /// it, no strip is looked for.
 const ESTIMATED: f64 = 0.8;
-/// Steps after which points that are on a cylinder are within so many times what they may be off. The error of a step is about
-/// the square of the last one; most strips of other surfaces are dropped here.
+/// After each of the first steps of a fit, points that are on a cylinder are within what they may be off and so many times what the
+/// step neglects: most strips of other surfaces are dropped after one.
 const FIRST_STEPS: usize = 3;
-const CLOSE: f64 = 10.0;
+const NEGLECTED: f64 = 10.0;
 /// The facets beside those of which a cylinder is fitted are on it within so many times what vertices may be off.
 const NEARLY: f64 = 4.0;
 /// Triangles from the first one on, on either side of it, on which a cylinder is looked for: where a fillet is narrower than the
@@ -137,21 +135,19 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
     let is_on_chord = surroundings.facets.only_one(mesh);
     let visits = MOST_VISITS * mesh.triangles.len();
     let mut search = Search { mesh, facets: &surroundings.facets, near, is_on_chord, visits };
-    // Facets of which a group is certain, and those that were looked at for any group.
-    let mut is_known = vec![false; mesh.triangles.len()];
-    let mut is_tried = is_known.clone();
+    let mut seen = Seen::of(mesh);
     let mut groups = Vec::new();
     for (triangle, _) in seeds {
-        if is_tried[triangle] {
+        if seen.is_tried[triangle] {
             continue;
         }
         if search.visits == 0 {
             break;
         }
-        let Some(group) = search.group_at(triangle, &is_known, &mut is_tried) else { continue };
+        let Some(group) = search.group_at(triangle, &mut seen) else { continue };
         let on_mesh = OnMesh { mesh, group: &group };
         if search.turns_enough(&group) && surroundings.confirm(&on_mesh) {
-            group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
+            group.triangles.iter().for_each(|&triangle| seen.is_known[triangle] = true);
             let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
             groups.push((group, at_edges, is_hollow));
         }
@@ -189,11 +185,7 @@ struct OnMesh<'a> {
     group: &'a Group,
 }
 
-impl Straight for OnMesh<'_> {
-    fn axis(&self) -> Vector3<f64> {
-        *self.group.cylinder.axis
-    }
-
+impl Surface for OnMesh<'_> {
     fn triangles(&self) -> &[usize] {
         &self.group.triangles
     }
@@ -203,13 +195,69 @@ impl Straight for OnMesh<'_> {
         self.group.cylinder.outward(&nalgebra::center(&from, &to))
     }
 
-    fn distance(&self, _: usize, at: &Point3<f64>) -> f64 {
-        self.group.cylinder.distance(at).abs()
-    }
-
     fn largest_bulge(&self) -> f64 {
         let bulges = self.group.triangles.iter();
         bulges.map(|&triangle| bulge_on(self.mesh, &self.group.cylinder, triangle)).fold(0.0, f64::max)
+    }
+}
+
+impl Straight for OnMesh<'_> {
+    fn axis(&self) -> Vector3<f64> {
+        *self.group.cylinder.axis
+    }
+
+    fn distance(&self, _: usize, at: &Point3<f64>) -> f64 {
+        self.group.cylinder.distance(at).abs()
+    }
+}
+
+/// Answers to one question about each of many things, which are forgotten at once.
+struct Answers {
+    /// For each thing twice the number of the question, and 1 more for yes.
+    of: Vec<u32>,
+    question: u32,
+}
+
+impl Answers {
+    fn about(count: usize) -> Self {
+        Self { of: vec![0; count], question: 0 }
+    }
+
+    fn forget(&mut self) {
+        self.question += 1;
+        if self.question > u32::MAX / 2 {
+            *self = Self::about(self.of.len());
+            self.question = 1;
+        }
+    }
+
+    fn of(&self, thing: usize) -> Option<bool> {
+        (self.of[thing] / 2 == self.question).then_some(self.of[thing] % 2 == 1)
+    }
+
+    fn note(&mut self, thing: usize, answer: bool) {
+        self.of[thing] = 2 * self.question + u32::from(answer);
+    }
+}
+
+/// What the search has seen of each triangle and plane facet.
+struct Seen {
+    /// Whether a group is certain of a triangle.
+    is_known: Vec<bool>,
+    /// Whether a triangle was looked at for any group.
+    is_tried: Vec<bool>,
+    /// Whether a triangle is found for the present group.
+    found: Answers,
+    /// Whether a facet is on the present cylinder.
+    facets: Answers,
+}
+
+impl Seen {
+    fn of(mesh: &SmoothMesh) -> Self {
+        let count = mesh.triangles.len();
+        let none = vec![false; count];
+        let (found, facets) = (Answers::about(count), Answers::about(count));
+        Self { is_known: none.clone(), is_tried: none, found, facets }
     }
 }
 
@@ -225,20 +273,19 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The facets on the cylinder of a triangle, if the strip across one of its sides shows one. All that are looked at are marked in
-    /// `is_tried`.
-    fn group_at(&mut self, triangle: usize, is_known: &[bool], is_tried: &mut [bool]) -> Option<Group> {
+    /// The facets on the cylinder of a triangle, if the strip across one of its sides shows one.
+    fn group_at(&mut self, triangle: usize, seen: &mut Seen) -> Option<Group> {
         let tries = REACHES.into_iter().flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
         tries.into_iter().find_map(|(reach, side)| {
             let mut group = self.start_at(triangle, side, reach)?;
             for _ in 0..ROUNDS {
-                let mut triangles = self.grown(&group, triangle, is_known);
-                triangles.iter().for_each(|&triangle| is_tried[triangle] = true);
+                let mut triangles = self.grown(&group, triangle, seen);
+                triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
                 self.visits = self.visits.saturating_sub(triangles.len());
                 let points = self.some_points(&triangles, Some(&group.cylinder));
                 let cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
                 let next = Group { cylinder, most: group.most, triangles: Vec::new() };
-                let mut facets_on = FacetsOn::of(self, &next, self.near);
+                let mut facets_on = FacetsOn::of(self, &next, self.near, &mut seen.facets);
                 triangles.retain(|&triangle| facets_on.has(triangle));
                 if triangles.len() <= group.triangles.len() {
                     break;
@@ -291,9 +338,15 @@ impl Search<'_> {
 
     /// The cylinder on which the vertices of all these triangles are.
     fn cylinder_of(&self, triangles: &[usize]) -> Option<Cylinder> {
-        let normals = || triangles.iter().map(|&triangle| facet_normal(self.mesh.corners(triangle).0));
-        let spread: Matrix3<f64> = normals().map(|normal| normal * normal.transpose()).sum();
-        let eigen = (spread / triangles.len() as f64).symmetric_eigen();
+        let normals = triangles.iter().map(|&triangle| facet_normal(self.mesh.corners(triangle).0));
+        let sum: Matrix3<f64> = normals.map(|normal| normal * normal.transpose()).sum();
+        let spread = sum / triangles.len() as f64;
+        let first = facet_normal(self.mesh.corners(triangles[0]).0);
+        // The second largest eigenvalue is not larger than what any direction leaves of the trace.
+        if 1.0 - first.dot(&(spread * first)) < LEAST_TURN * LEAST_TURN {
+            return None;
+        }
+        let eigen = spread.symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
         let [off, turn] = [0, 1].map(|index: usize| eigen.eigenvalues[order[index]].max(0.0).sqrt());
@@ -302,21 +355,27 @@ impl Search<'_> {
         }
         let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
         let points = self.some_points(triangles, None);
-        let start = circle_about(axis, &points)?;
         let is_within = |cylinder: &Cylinder, limit: f64| {
             points.iter().all(|point| cylinder.distance(point).abs() <= limit)
         };
-        let close =
-            Some(fitted(FIRST_STEPS, &points, start)).filter(|close| is_within(close, CLOSE * self.near))?;
+        let mut close = circle_about(axis, &points)?;
+        for _ in 0..FIRST_STEPS {
+            let next = fitted(1, &points, close);
+            if !is_within(&next, self.near + NEGLECTED * neglected(&points, &close, &next)) {
+                return None;
+            }
+            close = next;
+        }
         Some(fitted(shape_fit::MAX_STEPS, &points, close)).filter(|found| is_within(found, self.near))
     }
 
     /// The triangles on a cylinder that can be reached from one of them, with all others of their plane facets: a narrow part of a
     /// flat side may have its vertices on the cylinder, too.
-    fn grown(&self, group: &Group, from: usize, is_known: &[bool]) -> Vec<usize> {
+    fn grown(&self, group: &Group, from: usize, seen: &mut Seen) -> Vec<usize> {
         let mut found = vec![from];
-        let mut is_found = BTreeSet::from([from]);
-        let mut facets_on = FacetsOn::of(self, group, NEARLY * self.near);
+        seen.found.forget();
+        seen.found.note(from, true);
+        let mut facets_on = FacetsOn::of(self, group, NEARLY * self.near, &mut seen.facets);
         let mut next = 0;
         while next < found.len() {
             let here = found[next];
@@ -327,10 +386,10 @@ impl Search<'_> {
                     continue;
                 }
                 let there = other as usize / 3;
-                if is_found.contains(&there) || is_known[there] || !facets_on.has(there) {
+                if seen.found.of(there).is_some() || seen.is_known[there] || !facets_on.has(there) {
                     continue;
                 }
-                is_found.insert(there);
+                seen.found.note(there, true);
                 found.push(there);
             }
         }
@@ -382,21 +441,21 @@ struct FacetsOn<'a> {
     group: &'a Group,
     /// Vertices are this close to the cylinder, mm.
     near: f64,
-    known: BTreeMap<u32, bool>,
+    known: &'a mut Answers,
 }
 
 impl<'a> FacetsOn<'a> {
-    fn of(search: &'a Search<'a>, group: &'a Group, near: f64) -> Self {
-        Self { search, group, near, known: BTreeMap::new() }
+    fn of(search: &'a Search<'a>, group: &'a Group, near: f64, known: &'a mut Answers) -> Self {
+        known.forget();
+        Self { search, group, near, known }
     }
 
     /// Whether the facet of a triangle is on the cylinder.
     fn has(&mut self, triangle: usize) -> bool {
-        let facet = self.search.facets.of_triangle(triangle);
-        let known = self.known.get(&facet).copied();
-        known.unwrap_or_else(|| {
+        let facet = self.search.facets.of_triangle(triangle) as usize;
+        self.known.of(facet).unwrap_or_else(|| {
             let is_on = self.is_on(triangle);
-            self.known.insert(facet, is_on);
+            self.known.note(facet, is_on);
             is_on
         })
     }
@@ -436,9 +495,20 @@ impl<'a> FacetsOn<'a> {
     }
 }
 
+/// By how much the distances of points from a cylinder differ at most, mm, from what their derivatives state after a step to the next
+/// cylinder: the axis moves away from a point to the first order, and to the second past it.
+fn neglected(points: &[Point3<f64>], from: &Cylinder, to: &Cylinder) -> f64 {
+    let past = |point: &Point3<f64>| {
+        let [before, after] = [from, to].map(|cylinder| cylinder.split(point).1);
+        let moved = after - before;
+        moved.norm_squared() - moved.dot(&after).powi(2) / after.norm_squared()
+    };
+    points.iter().map(past).fold(0.0, f64::max) / (2.0 * from.radius.min(to.radius))
+}
+
 /// The cylinder nearest to the points, from one that is close to them, in at most so many steps.
 fn fitted(steps: usize, points: &[Point3<f64>], start: Cylinder) -> Cylinder {
-    shape_fit::fitted(steps, points, start, Cylinder::distance_and_derivatives, Cylinder::moved)
+    shape_fit::fitted(steps, points, start, Cylinder::distances_and_derivatives, Cylinder::moved)
 }
 
 /// The cylinder about a direction whose circle is nearest to the points (Kåsa, A circle fitting procedure and its error analysis,

@@ -40,22 +40,30 @@ pub(super) fn precision(mesh: &SmoothMesh) -> f64 {
     ON.max(DIGITS * largest)
 }
 
-/// A surface of parallel lines that a group of facets shows.
-pub(super) trait Straight {
-    /// The unit direction of its lines.
-    fn axis(&self) -> Vector3<f64>;
-
+/// A surface that a group of facets shows.
+pub(super) trait Surface {
     /// The triangles of the group.
     fn triangles(&self) -> &[usize];
 
     /// The unit normal at the middle of a side of the group.
     fn outward(&self, side: usize) -> Vector3<f64>;
 
+    /// How far the group's facets leave it at most, mm.
+    fn largest_bulge(&self) -> f64;
+}
+
+/// A surface of parallel lines.
+pub(super) trait Straight: Surface {
+    /// The unit direction of its lines.
+    fn axis(&self) -> Vector3<f64>;
+
     /// How far a point beyond a side of the group is from it, mm, 0 or more.
     fn distance(&self, side: usize, at: &Point3<f64>) -> f64;
 
-    /// How far the group's facets leave it at most, mm.
-    fn largest_bulge(&self) -> f64;
+    /// How far it may be off at a side of the group, mm, where its vertices do not show it better.
+    fn doubt(&self, _side: usize) -> f64 {
+        0.0
+    }
 }
 
 /// A place beyond a rim, mm: along the lines of the surface, and towards or away from it.
@@ -157,7 +165,7 @@ impl<'a> Surroundings<'a> {
             let next = next.filter(|next| next.distance() > NEXT * first.distance());
             let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
             let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };
-            if !profile.is_of_straight(bulge, self.near) {
+            if !profile.is_of_straight(bulge, self.near + surface.doubt(side)) {
                 unlike += length;
             }
         }
@@ -180,7 +188,7 @@ impl<'a> Surroundings<'a> {
 
     /// The vertices of a surface at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
     /// facets of an arc or flat side that continues it would leave it no farther than its own. In ascending order.
-    pub(super) fn at_edges(&self, surface: &impl Straight) -> Vec<u32> {
+    pub(super) fn at_edges(&self, surface: &impl Surface) -> Vec<u32> {
         let bulge = surface.largest_bulge();
         let is_edge = |&(side, beyond): &(usize, usize)| {
             let corners = self.mesh.corners(beyond / 3).0;

@@ -9,6 +9,7 @@ use super::disjoint_sets::DisjointSets;
 use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
+use super::spheres;
 use super::strips;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld, width};
@@ -74,7 +75,7 @@ impl SmoothMesh {
     /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; where arcs
     /// of different radii meet, those that the arcs lead to (`arcs`); at right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
     /// in its fillet, those that the narrow ones lead to (`flats`). The sides of cylinders and extruded strips are estimated without what is
-    /// beyond their ends (`cylinders`, `strips`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    /// beyond their ends (`cylinders`, `strips`, `plane_curve`); those of balls follow from all their vertices (`spheres`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         if mesh.is_facetted() {
@@ -205,6 +206,7 @@ impl SmoothMesh {
         };
         let (mut estimated, mut deviations) = smooth.complete_normals();
         let is_round = cylinders::settle(&mut smooth, &mut estimated, &mut deviations);
+        spheres::settle(&mut smooth, &mut estimated, &mut deviations, &is_round);
         smooth.trust(&is_round, &mut deviations);
         let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, &is_round, &hidden);
         let beside = creases.iter().chain(&sharp);

@@ -9,8 +9,9 @@ use std::collections::{BTreeSet, VecDeque};
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
-use super::ends::{Straight, Surroundings, precision};
+use super::ends::{Straight, Surface, Surroundings, precision};
 use super::hidden_arcs::HiddenArc;
+use super::plane_curve::CurveStrip;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
 
@@ -76,6 +77,20 @@ struct Settled {
     doubts: Vec<f32>,
 }
 
+impl Settled {
+    fn along_curve(strip: &CurveStrip, at_edges: Vec<u32>, hidden: &[HiddenArc]) -> Self {
+        let triangles = strip.triangles().to_vec();
+        let (vertices, normals) = strip.normals();
+        let mut doubts = strip.doubts();
+        for arc in hidden.iter().filter(|arc| arc.edge.cross(&strip.axis()).norm() < CONTAINS) {
+            if let Ok(index) = triangles.binary_search(&arc.triangle) {
+                doubts[index] = doubts[index].max(arc.doubt as f32);
+            }
+        }
+        Self { triangles, vertices, normals, at_edges, doubts }
+    }
+}
+
 fn certain_strips(
     mesh: &SmoothMesh,
     estimated: &[bool],
@@ -88,6 +103,9 @@ fn certain_strips(
     }
     let mut surroundings = None;
     let mut search = Search { mesh, near: precision(mesh), steps: MOST_STEPS_IN_ALL, visits: MOST_VISITS };
+    let mut curve_visits = MOST_VISITS;
+    let is_estimated =
+        |triangle: usize| mesh.triangles[triangle].iter().all(|&vertex| estimated[vertex as usize]);
     let mut is_seen = vec![false; count];
     let mut strips = Vec::new();
     for triangle in 0..count {
@@ -104,6 +122,16 @@ fn certain_strips(
         let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh));
         // By itself already.
         if surroundings.ends(&triangles).is_empty() {
+            continue;
+        }
+        let is_ruling = |side: usize| search.is_parallel(side, axis);
+        let curved = CurveStrip::of(mesh, axis, &triangles, is_ruling, search.near, &mut curve_visits);
+        if let Some(strip) = curved
+            && strip.triangles().iter().all(|&triangle| is_estimated(triangle))
+            && surroundings.confirm(&strip)
+        {
+            strip.triangles().iter().for_each(|&triangle| is_seen[triangle] = true);
+            strips.push(Settled::along_curve(&strip, surroundings.at_edges(&strip), hidden));
             continue;
         }
         let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
@@ -260,23 +288,6 @@ impl Search<'_> {
     }
 }
 
-impl SmoothMesh {
-    /// The side that continues one, if both have the same vertices: those of cylinders have their own at edges.
-    fn continuing(&self, side: usize) -> Option<usize> {
-        let other = self.continued[side];
-        if other == NONE {
-            return None;
-        }
-        let ends = |side: usize| {
-            let corners = self.triangles[side / 3];
-            let (one, other) = (corners[side % 3], corners[(side % 3 + 1) % 3]);
-            (one.min(other), one.max(other))
-        };
-        let other = other as usize;
-        (ends(side) == ends(other)).then_some(other)
-    }
-}
-
 /// A strip as a mesh by itself.
 struct Strip<'a> {
     mesh: &'a SmoothMesh,
@@ -368,11 +379,7 @@ impl<'a> Strip<'a> {
     }
 }
 
-impl Straight for Strip<'_> {
-    fn axis(&self) -> Vector3<f64> {
-        self.axis
-    }
-
+impl Surface for Strip<'_> {
     fn triangles(&self) -> &[usize] {
         &self.triangles
     }
@@ -380,6 +387,16 @@ impl Straight for Strip<'_> {
     fn outward(&self, side: usize) -> Vector3<f64> {
         let sum: Vector3<f64> = self.ends_of(side).map(|vertex| self.alone.normals[vertex as usize]).sum();
         sum.try_normalize(0.0).unwrap_or(sum)
+    }
+
+    fn largest_bulge(&self) -> f64 {
+        (0..self.alone.triangles.len()).map(|triangle| self.alone.bulge(triangle)).fold(0.0, f64::max)
+    }
+}
+
+impl Straight for Strip<'_> {
+    fn axis(&self) -> Vector3<f64> {
+        self.axis
     }
 
     fn distance(&self, side: usize, at: &Point3<f64>) -> f64 {
@@ -392,10 +409,6 @@ impl Straight for Strip<'_> {
         let squared = |(distance, beside): &(f64, f64)| distance * distance + beside * beside;
         let nearest = distances.min_by(|one, other| squared(one).total_cmp(&squared(other)));
         nearest.map_or(0.0, |(distance, _)| distance)
-    }
-
-    fn largest_bulge(&self) -> f64 {
-        (0..self.alone.triangles.len()).map(|triangle| self.alone.bulge(triangle)).fold(0.0, f64::max)
     }
 }
 
@@ -518,6 +531,63 @@ mod tests {
                 "fillet {fillet}, {steps} steps: {doubt} rad, {by_itself:?}"
             );
         }
+    }
+
+    #[test]
+    fn rows_inside_the_side_of_an_oval_show_more_of_its_curve() {
+        // Programs divide a face as a grid, and its rims at other places; a fillet follows, or an end with an edge.
+        for (fillet, columns, rim) in [(0.0, 24, 62), (1.0, 24, 62), (3.0, 30, 77), (1.0, 40, 100)] {
+            let row = |height: f64| Ring { angles: even(columns), inside: 0.0, height };
+            let rim_at = |height: f64| Ring { angles: uneven(rim, 4), inside: 0.0, height };
+            let of_fillet = |end: f64| {
+                (1..=if fillet > 0.0 { 5 } else { 0 }).map(move |ring| {
+                    let turn = f64::from(ring) / 5.0 * std::f64::consts::FRAC_PI_2;
+                    let (inside, height) = (fillet * (1.0 - turn.cos()), end * (25.0 + fillet * turn.sin()));
+                    Ring { angles: uneven(rim + ring as usize, ring as usize), inside, height }
+                })
+            };
+            let mut rings: Vec<Ring> = of_fillet(-1.0).collect();
+            rings.reverse();
+            rings.push(rim_at(-25.0));
+            rings.extend([-21.0, -14.0, -7.0, 0.0, 7.0, 14.0, 21.0].map(row));
+            rings.push(rim_at(25.0));
+            rings.extend(of_fillet(1.0));
+            let [error, doubt] = errors(&between(&rings));
+            let turn = 3.0 / columns as f64 * HALF_AXES[0] / HALF_AXES[1];
+            assert!(error < 0.02 * turn, "fillet {fillet}, {columns} columns: {error} rad");
+            assert!(
+                (error..0.25 * turn).contains(&doubt),
+                "fillet {fillet}, {columns} columns: {doubt} rad, {error}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_first_facets_of_a_fine_fillet_stay_those_of_the_fillet() {
+        const CHORDS: usize = 24;
+        let fillet = 2.0;
+        let of_fillet = |end: f64| {
+            (1..=CHORDS).map(move |ring| {
+                let turn = ring as f64 / CHORDS as f64 * std::f64::consts::FRAC_PI_2;
+                let (inside, height) = (fillet * (1.0 - turn.cos()), end * (25.0 + fillet * turn.sin()));
+                Ring { angles: uneven(30 + ring, ring), inside, height }
+            })
+        };
+        let mut rings: Vec<Ring> = of_fillet(-1.0).collect();
+        rings.reverse();
+        let rows = [-25.0, -15.0, -5.0, 5.0, 15.0, 25.0];
+        rings.extend(rows.map(|height| Ring { angles: even(30), inside: 0.0, height }));
+        rings.extend(of_fillet(1.0));
+        let can = between(&rings);
+        let turn = std::f64::consts::FRAC_PI_2 / CHORDS as f64;
+        let mut count = 0;
+        for (at, normal) in can.positions.iter().zip(&can.normals) {
+            if (at.z.abs() - 25.0 - fillet * turn.sin()).abs() < 1e-9 && (-25.0..25.0).contains(&at.x) {
+                assert!(normal.z.abs() > 0.5 * turn.sin(), "{at}: {normal:?}");
+                count += 1;
+            }
+        }
+        assert!(count > 20, "{count}");
     }
 
     #[test]
