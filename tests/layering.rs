@@ -112,6 +112,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("encoding_rs", &["formats"]),
     ("i_overlay", &["formats", "geometry"]),
     ("i_triangle", &["geometry"]),
+    ("multiversion", &["geometry"]),
     ("spade", &["geometry"]),
     ("oem_cp", &["formats"]),
     ("toml", &["config", "cache"]),
@@ -156,6 +157,8 @@ const GEOMETRY_MAY_USE: &[&str] = &[
     "spade",
     "i_overlay",
     "i_triangle",
+    // Chooses between versions of a function for processors, with the same results.
+    "multiversion",
     "thiserror",
     "std::array",
     "std::cmp",
