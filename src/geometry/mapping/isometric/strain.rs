@@ -125,22 +125,13 @@ pub(super) fn samples(
     let (columns, rows) = (knots_s.spans(), knots_t.spans());
     let mut samples =
         Vec::with_capacity(8 * columns * rows + ink.pieces.len().min(most_places.saturating_mul(4)));
-    // Two Gauss points per cell and direction integrate cubics exactly. Under ink, where the paper only keeps the parts of the
-    // drawing in their places, two of the four are enough; the other two are taken in the cells beside, so that no pattern of
-    // control points goes unnoticed.
+    // Two Gauss points per cell and direction integrate cubics exactly.
     let gauss = [0.5 - (1.0f64 / 12.0).sqrt(), 0.5 + (1.0f64 / 12.0).sqrt()];
-    let taken: [&[[usize; 2]]; 2] = if *weights == Weights::EVEN {
-        [&[[0, 0], [1, 0], [0, 1], [1, 1]]; 2]
-    } else {
-        [&[[1, 0], [0, 1]], &[[0, 0], [1, 1]]]
-    };
     for cell in 0..columns * rows {
-        let (column, row) = (cell % columns, cell / columns);
-        let taken = taken[(column + row) % 2];
-        for [u, v] in taken {
-            let s = knots_s.start() + (column as f64 + gauss[*u]) * knots_s.step();
-            let t = knots_t.start() + (row as f64 + gauss[*v]) * knots_t.step();
-            let all_round = weights.paper / (taken.len() * columns * rows) as f64;
+        for (u, v) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let s = knots_s.start() + ((cell % columns) as f64 + gauss[u]) * knots_s.step();
+            let t = knots_t.start() + ((cell / columns) as f64 + gauss[v]) * knots_t.step();
+            let all_round = weights.paper / (4 * columns * rows) as f64;
             samples.push(Sample { all_round, ..at(Vector2::new(s, t)) });
         }
     }
