@@ -285,7 +285,8 @@ impl LengthTrueMap {
         Ok((map, lines))
     }
 
-    /// With a tolerance, mm, the map of a surface that is not within it of any cylinder may be anyone with a larger residual.
+    /// With a tolerance, mm, the map of a surface that is not within it of any cylinder may be that of a few points. Its residual is
+    /// above the tolerance, too.
     fn unroll_cylinder(
         surface: &FittedSurface,
         ink: &Ink,

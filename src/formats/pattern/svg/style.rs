@@ -324,8 +324,16 @@ struct Given<'s> {
 }
 
 /// Elements that areas and strokes may be painted with.
-const PAINT_SERVERS: [&str; 7] =
-    ["linearGradient", "radialGradient", "pattern", "hatch", "meshgradient", "meshGradient", "solidColor"];
+const PAINT_SERVERS: [&str; 8] = [
+    "linearGradient",
+    "radialGradient",
+    "pattern",
+    "hatch",
+    "meshgradient",
+    "meshGradient",
+    "solidColor",
+    "solidcolor",
+];
 
 /// The sheets of a drawing.
 pub(super) struct Sheets {

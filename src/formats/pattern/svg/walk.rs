@@ -58,6 +58,7 @@ pub(super) const DEFINITIONS: &[&str] = &[
     "desc",
     "metadata",
     "solidColor",
+    "solidcolor",
     "animate",
     "animateColor",
     "animateMotion",

@@ -111,6 +111,9 @@ pub(super) fn settle(
         return;
     }
     let found = balls(mesh, estimated, is_round);
+    if found.is_empty() {
+        return;
+    }
     let mut is_known = vec![false; mesh.positions.len()];
     for (corners, _) in mesh.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round) {
         corners.iter().for_each(|&vertex| is_known[vertex as usize] = true);
