@@ -16,6 +16,8 @@ const ALONG_POWER: i32 = 8;
 const BORDER_TOLERANCE: f64 = 1e-6;
 /// A triangle whose curved net stays this close to its facet, mm, is treated as flat.
 const FLATNESS: f64 = 1e-7;
+/// From this close to a point of the view, mm, its tangent plane leads to the patch: what that misses is a millionth of it.
+const NEAR: f64 = 1e-6;
 
 /// A cubic patch through the corners of a triangle and perpendicular to their normals, in the frame of the view.
 ///
@@ -26,7 +28,35 @@ pub struct CurvedTriangle {
     corners: [Point3<f64>; 3],
     /// Control net minus the flat net: edge points 210, 120, 021, 012, 102, 201, then the middle 111.
     bulge: [Vector3<f64>; 7],
+    largest_bulge: f64,
+}
+
+/// A curved triangle prepared to be met by the laser's axis at many points.
+#[derive(Debug, Clone)]
+pub struct SeenTriangle {
+    /// The first corner of the facet, mm.
+    corner: Point3<f64>,
+    /// From there to the second and to the third.
+    sides: [Vector3<f64>; 2],
+    /// From steps in the view, mm, to those of the barycentric coordinates v and w of the flat facet.
+    flat_inverse: Matrix2<f64>,
+    /// The patch covers no point whose barycentric coordinates in the flat facet, for one of the corners, are below this.
+    least: [f64; 3],
     flat: bool,
+    patch: Cubic,
+}
+
+/// A triangular patch as a polynomial of the barycentric coordinates v and w of the second and third corner, mm.
+#[derive(Debug, Clone)]
+struct Cubic {
+    /// The coefficients of 1, v, v², v³.
+    along_v: [Vector3<f64>; 4],
+    /// Those of w, vw, v²w.
+    once_w: [Vector3<f64>; 3],
+    /// Those of w², vw².
+    twice_w: [Vector3<f64>; 2],
+    /// That of w³.
+    cube_w: Vector3<f64>,
 }
 
 /// Where the laser's axis through a grid node meets a triangle.
@@ -81,61 +111,65 @@ impl CurvedTriangle {
         // The middle point makes the patch exact for quadratics: b111 = E + (E − V)/2, and V has no bulge.
         let middle = edges.iter().sum::<Vector3<f64>>() / 4.0;
         let bulge = [edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], middle];
-        let flat = bulge.iter().all(|step| step.norm() < FLATNESS);
-        Self { corners, bulge, flat }
+        let largest_bulge = bulge.iter().map(Vector3::norm).fold(0.0, f64::max);
+        Self { corners, bulge, largest_bulge }
     }
 
     /// Distance by which the patch can leave its facet, mm.
     pub fn largest_bulge(&self) -> f64 {
-        self.bulge.iter().map(Vector3::norm).fold(0.0, f64::max)
+        self.largest_bulge
     }
 
-    /// The point at barycentric coordinates (1−v−w, v, w), mm, and its derivatives by v and w.
-    fn point(&self, v: f64, w: f64) -> (Point3<f64>, Vector3<f64>, Vector3<f64>) {
-        let u = 1.0 - v - w;
+    /// The unit normals at the middles of the sides (the first from the first corner to the second); zero where the patch is
+    /// degenerate.
+    pub(super) fn normals_beside(&self) -> [Vector3<f64>; 3] {
+        let patch = Cubic::of(self);
+        [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]].map(|[v, w]| {
+            let (_, by_v, by_w) = patch.at(v, w);
+            by_v.cross(&by_w).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+        })
+    }
+
+    /// The triangle as the laser sees it; `None` if its facet is a wall.
+    pub fn seen(&self) -> Option<SeenTriangle> {
         let [a, b, c] = self.corners;
-        let mut point = a.coords * u + b.coords * v + c.coords * w;
-        let (mut by_v, mut by_w) = (b - a, c - a);
-        if !self.flat {
-            // Value and derivatives by u, v, w of 3u²v, 3uv², 3v²w, 3vw², 3uw², 3u²w, 6uvw.
-            let terms: [(f64, [f64; 3]); 7] = [
-                (3.0 * u * u * v, [6.0 * u * v, 3.0 * u * u, 0.0]),
-                (3.0 * u * v * v, [3.0 * v * v, 6.0 * u * v, 0.0]),
-                (3.0 * v * v * w, [0.0, 6.0 * v * w, 3.0 * v * v]),
-                (3.0 * v * w * w, [0.0, 3.0 * w * w, 6.0 * v * w]),
-                (3.0 * u * w * w, [3.0 * w * w, 0.0, 6.0 * u * w]),
-                (3.0 * u * u * w, [6.0 * u * w, 0.0, 3.0 * u * u]),
-                (6.0 * u * v * w, [6.0 * v * w, 6.0 * u * w, 6.0 * u * v]),
-            ];
-            for (step, (value, [du, dv, dw])) in self.bulge.iter().zip(terms) {
-                point += step * value;
-                by_v += step * (dv - du);
-                by_w += step * (dw - du);
+        let (ab, ac) = (b - a, c - a);
+        let flat_inverse = Matrix2::new(ab.x, ac.x, ab.y, ac.y).try_inverse()?;
+        // The weights of the bulge's control points are between 0 and 1, and so is their sum.
+        let (mut least, mut most) = ([0.0f64; 3], 0.0f64);
+        for step in &self.bulge {
+            let moved = flat_inverse * step.xy();
+            for (least, moved) in least.iter_mut().zip([-moved.x - moved.y, moved.x, moved.y]) {
+                *least = least.min(moved);
+                most = most.max(moved.abs());
             }
         }
-        (point.into(), by_v, by_w)
-    }
-
-    /// The unit normal at the middle of a side (0: from the first corner to the second); zero if the patch is degenerate
-    /// there.
-    pub(super) fn normal_beside(&self, side: usize) -> Vector3<f64> {
-        let [v, w] = [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]][side];
-        let (_, by_v, by_w) = self.point(v, w);
-        by_v.cross(&by_w).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+        // Beside the border, within its tolerance, the weights are a little beyond these bounds.
+        let least = least.map(|least| least - 10.0 * BORDER_TOLERANCE * (1.0 + most));
+        let flat = self.largest_bulge < FLATNESS;
+        Some(SeenTriangle { corner: a, sides: [ab, ac], flat_inverse, least, flat, patch: Cubic::of(self) })
     }
 
     /// The height of the triangle at a point of the view, if the triangle covers that point.
     pub fn hit(&self, at: Vector2<f64>) -> Option<Hit> {
-        let [a, b, c] = self.corners;
-        let (ab, ac) = (b - a, c - a);
-        let flat_inverse = Matrix2::new(ab.x, ac.x, ab.y, ac.y).try_inverse()?;
-        let start = flat_inverse * (at - a.coords.xy());
+        self.seen()?.hit(at)
+    }
+}
+
+impl SeenTriangle {
+    /// The height of the triangle at a point of the view, if the triangle covers that point.
+    pub fn hit(&self, at: Vector2<f64>) -> Option<Hit> {
+        let [ab, ac] = self.sides;
+        let start = self.flat_inverse * (at - self.corner.coords.xy());
+        let flat = [1.0 - start.x - start.y, start.x, start.y];
+        if flat.iter().zip(&self.least).any(|(own, least)| own < least) {
+            return None;
+        }
         let inside = |v: f64, w: f64| v.min(w).min(1.0 - v - w) >= -BORDER_TOLERANCE;
         let flat_hit = || {
-            let (point, by_v, by_w) = (a + ab * start.x + ac * start.y, ab, ac);
             inside(start.x, start.y).then(|| Hit {
-                height: point.z,
-                gradient: gradient(&by_v.cross(&by_w)),
+                height: (self.corner + ab * start.x + ac * start.y).z,
+                gradient: gradient(&ab.cross(&ac)),
                 on_patch: self.flat,
             })
         };
@@ -145,22 +179,51 @@ impl CurvedTriangle {
         // Newton's method on (x, y): the patch is nearly flat, so a few steps reach the last digits.
         let mut parameter = start;
         for _ in 0..12 {
-            let (point, by_v, by_w) = self.point(parameter.x, parameter.y);
-            let miss = at - point.coords.xy();
-            if miss.norm() < 1e-10 {
-                if !inside(parameter.x, parameter.y) {
-                    break;
-                }
-                return Some(Hit { height: point.z, gradient: gradient(&by_v.cross(&by_w)), on_patch: true });
-            }
+            let (point, by_v, by_w) = self.patch.at(parameter.x, parameter.y);
+            let miss = at - point.xy();
             let Some(inverse) = Matrix2::new(by_v.x, by_w.x, by_v.y, by_w.y).try_inverse() else { break };
             let step = inverse * miss;
+            if miss.norm() < NEAR {
+                let end = parameter + step;
+                if !inside(end.x, end.y) {
+                    break;
+                }
+                let height = point.z + by_v.z * step.x + by_w.z * step.y;
+                return Some(Hit { height, gradient: gradient(&by_v.cross(&by_w)), on_patch: true });
+            }
             if !(step.norm() < 1.0) {
                 break;
             }
             parameter += step;
         }
         flat_hit()
+    }
+}
+
+impl Cubic {
+    /// The patch over a triangle: the facet and the Bernstein polynomials 3u²v, 3uv², 3v²w, 3vw², 3uw², 3u²w, 6uvw of its bulge
+    /// with u = 1 − v − w, multiplied out.
+    fn of(triangle: &CurvedTriangle) -> Self {
+        let [a, b, c] = triangle.corners;
+        let [uuv, uvv, vvw, vww, uww, uuw, uvw] = triangle.bulge.map(|step| step * 3.0);
+        let uvw = uvw * 2.0;
+        Self {
+            along_v: [a.coords, b - a + uuv, uvv - uuv * 2.0, uuv - uvv],
+            once_w: [c - a + uuw, uvw - (uuv + uuw) * 2.0, uuv * 2.0 - uvv + vvw + uuw - uvw],
+            twice_w: [uww - uuw * 2.0, uuv + vww - uww + uuw * 2.0 - uvw],
+            cube_w: uuw - uww,
+        }
+    }
+
+    /// The point, mm, and its derivatives by v and w.
+    #[inline]
+    fn at(&self, v: f64, w: f64) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
+        let ([v0, v1, v2, v3], [w0, w1, w2], [ww0, ww1]) = (self.along_v, self.once_w, self.twice_w);
+        let (once, twice) = (w0 + (w1 + w2 * v) * v, ww0 + ww1 * v);
+        let point = v0 + (v1 + (v2 + v3 * v) * v) * v + (once + (twice + self.cube_w * w) * w) * w;
+        let by_v = v1 + (v2 * 2.0 + v3 * (3.0 * v)) * v + (w1 + w2 * (2.0 * v) + ww1 * w) * w;
+        let by_w = once + (twice * 2.0 + self.cube_w * (3.0 * w)) * w;
+        (point, by_v, by_w)
     }
 }
 

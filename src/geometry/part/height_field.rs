@@ -2,6 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use super::adjacency::NONE;
 use super::curved_triangle::Hit;
 use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
@@ -156,6 +157,12 @@ impl Grid {
         (self.origin + Vector2::new(column as f64, row as f64) * self.step).into()
     }
 
+    /// Where the columns are along x and the rows along y, mm.
+    pub fn lines(&self) -> (Vec<f64>, Vec<f64>) {
+        let along = |first: f64, count: usize| (0..count).map(|at| first + at as f64 * self.step).collect();
+        (along(self.origin.x, self.columns), along(self.origin.y, self.rows))
+    }
+
     /// Number of nodes.
     pub fn count(&self) -> usize {
         self.columns * self.rows
@@ -224,8 +231,7 @@ impl FacingPart {
         }
         let (mut area, mut count) = (0.0, 0usize);
         for triangle in 0..self.mesh.triangles.len() {
-            let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
-            let doubled = (b - a).perp(&(c - a));
+            let doubled = self.turn(triangle);
             if doubled > 0.0 {
                 (area, count) = (area + doubled / 2.0, count + 1);
             }
@@ -262,7 +268,11 @@ impl FacingPart {
     fn hits(&self, grid: &Grid) -> (NodeHits, SecondSkins) {
         let mut hits: NodeHits = vec![None; grid.count()];
         let mut doubled = Vec::new();
-        for triangle in 0..self.mesh.triangles.len() {
+        // What faces the laser comes first: most of it hides what faces away.
+        let faces = |upwards: bool| {
+            (0..self.mesh.triangles.len()).filter(move |&triangle| (self.turn(triangle) > 0.0) == upwards)
+        };
+        for triangle in faces(true).chain(faces(false)) {
             let points = self.mesh.corners(triangle).0;
             let extents = Extents::of(points.map(|point| point.coords.xy()));
             // An edge between normals 90° apart bulges by less than a quarter of its length.
@@ -274,20 +284,24 @@ impl FacingPart {
             }
             let patch = self.mesh.patch(triangle);
             let bulge = patch.largest_bulge();
+            let Some(patch) = patch.seen() else { continue };
             let near = extents.grown(bulge);
+            let top = points.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max) + bulge;
             for row in in_rows {
                 for column in in_columns.clone() {
                     let at = grid.position(column, row).coords();
                     if !near.contains(at) {
                         continue;
                     }
+                    let seen = &mut hits[row * grid.columns + column];
+                    if seen.is_some_and(|(_, old)| old.on_patch && top + SKINS[0] < old.height) {
+                        continue;
+                    }
                     let Some(hit) = patch.hit(at) else { continue };
-                    let node = row * grid.columns + column;
-                    let seen = &mut hits[node];
                     if let Some((other, old)) = seen {
                         let gap = (hit.height - old.height).abs();
                         if gap < SKINS[0] && gap > SKINS[1] && self.are_skins(triangle, *other as usize) {
-                            doubled.push((node, gap));
+                            doubled.push((row * grid.columns + column, gap));
                         }
                     }
                     // A flat facet under a neighbour's bulge must not hide the true surface.
@@ -306,15 +320,17 @@ impl FacingPart {
         (hits, doubled)
     }
 
+    /// Twice the area of a triangle in the view, mm²; negative for one that runs clockwise.
+    fn turn(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
+        (b - a).perp(&(c - a))
+    }
+
     /// Whether two triangles that are hit at one node face the same way and have no corner in common.
     fn are_skins(&self, one: usize, other: usize) -> bool {
-        let turn = |triangle: usize| {
-            let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
-            (b - a).perp(&(c - a))
-        };
         let [one_places, other_places] = [one, other].map(|triangle| self.mesh.corners(triangle).0);
         let touch = one_places.iter().any(|place| other_places.contains(place));
-        turn(one) * turn(other) > 0.0 && !touch
+        self.turn(one) * self.turn(other) > 0.0 && !touch
     }
 
     fn uncertainties(&self, hits: &[Option<(u32, Hit)>]) -> Vec<Uncertainty> {
@@ -326,9 +342,16 @@ impl FacingPart {
             let reach = if slope > 0.0 { self.mesh.reach_of_turn(triangle) } else { 0.0 };
             Uncertainty::over(slope, reach as f32)
         };
-        hits.iter()
-            .map(|hit| hit.map_or(Uncertainty::NONE, |(triangle, _)| of_triangle(triangle as usize)))
-            .collect()
+        // Nodes beside each other are mostly on one triangle.
+        let mut last = (NONE, Uncertainty::NONE);
+        let of_hit = |hit: &Option<(u32, Hit)>| {
+            let Some((triangle, _)) = *hit else { return Uncertainty::NONE };
+            if last.0 != triangle {
+                last = (triangle, of_triangle(triangle as usize));
+            }
+            last.1
+        };
+        hits.iter().map(of_hit).collect()
     }
 
     fn doubts(&self, hits: &[Option<(u32, Hit)>]) -> Vec<f64> {

@@ -109,7 +109,7 @@ pub(super) fn refined_normal(
             y * y * y / 6.0,
         ]);
         let weight = (fourth * square * square + FLOOR).powi(-2);
-        matrix += row * row.transpose() * weight;
+        matrix.ger(weight, &row, &row, 1.0);
         right += row * (height * weight);
         let quartic = SVector::<f64, 5>::from([
             x.powi(4) / 24.0,
@@ -118,7 +118,7 @@ pub(super) fn refined_normal(
             x * y.powi(3) / 6.0,
             y.powi(4) / 24.0,
         ]);
-        quartics += row * quartic.transpose() * weight;
+        quartics.ger(weight, &row, &quartic, 1.0);
     }
     let Some(factor) = matrix.cholesky() else { return unchanged };
     let jet = factor.solve(&right);

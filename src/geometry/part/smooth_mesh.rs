@@ -78,6 +78,7 @@ pub(super) struct Crease {
 
 impl SmoothMesh {
     /// The corners of a triangle and their normals.
+    #[inline]
     pub fn corners(&self, triangle: usize) -> ([Point3<f64>; 3], [Vector3<f64>; 3]) {
         let corners = self.triangles[triangle];
         (

@@ -241,7 +241,6 @@ impl FittedSurface {
         let (columns, rows) = self.field.size();
         let step = self.field.step();
         let is_surface = |node: usize| matches!(self.field.nodes()[node], Node::Surface(_));
-        let normal = |slope: Vector2<f64>| Vector3::new(-slope.x, -slope.y, 1.0).normalize();
         let off = |(column, row, _): (usize, usize, f64)| {
             let node = row * columns + column;
             if column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
@@ -251,8 +250,8 @@ impl FittedSurface {
             let known = slopes.get(node).filter(|_| beside.into_iter().all(is_surface))?;
             let [left, right, below, above] = beside.map(|node| self.differences[node]);
             let between = Vector2::new(right - left, above - below) / (2.0 * step);
-            let sampled = self.nurbs.jet(self.field.position(column, row)).gradient + between;
-            Some((node, tangent(normal(sampled), normal(*known)), known.norm_squared()))
+            let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
+            Some((node, tangent(sampled, *known), known.norm_squared()))
         };
         let found: Vec<(usize, f64, f64)> = self.field.surface_nodes().filter_map(off).collect();
         let is_notable =
@@ -292,13 +291,15 @@ impl FittedSurface {
 
     /// A surface with samples of the part; measures the residual between them.
     pub fn compare(nurbs: NurbsSurface, field: HeightField) -> Self {
+        let fitted = heights_at_nodes(&nurbs, &field);
         let mut differences = vec![0.0; field.nodes().len()];
         let (mut largest, mut squares, mut at) = (0.0f64, 0.0, field.position(0, 0));
         let mut sizes = Vec::new();
         let (columns, _) = field.size();
         for (column, row, height) in field.surface_nodes() {
-            let difference = height - nurbs.height(field.position(column, row));
-            differences[row * columns + column] = difference;
+            let node = row * columns + column;
+            let difference = height - fitted[node];
+            differences[node] = difference;
             squares += difference * difference;
             sizes.push(difference.abs());
             if difference.abs() > largest {
@@ -438,8 +439,7 @@ impl PartSamples {
         };
         let rise = |low: usize, high: usize| Some((height(high)? - height(low)?) / (2.0 * self.field.step()));
         let sampled = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
-        let normal = |slope: Vector2<f64>| Vector3::new(-slope.x, -slope.y, 1.0).normalize();
-        Some(tangent(normal(sampled), normal(self.slopes[node])))
+        Some(tangent(sampled, self.slopes[node]))
     }
 }
 
@@ -484,17 +484,19 @@ impl<'a> Data<'a> {
         Ok(Self { field, used: used.collect() })
     }
 
-    /// The used nodes: position and height, mm.
-    fn known(&self) -> impl Iterator<Item = (ViewPoint, f64)> {
+    /// The used nodes: column, row, and how far the part is above a surface there, mm.
+    fn misses(&self, nurbs: &NurbsSurface) -> impl Iterator<Item = (usize, usize, f64)> {
+        let fitted = heights_at_nodes(nurbs, self.field);
         let columns = self.field.size().0;
-        let is_used = move |(column, row, _): &(usize, usize, f64)| self.used[row * columns + column];
-        let nodes = self.field.surface_nodes().filter(is_used);
-        nodes.map(|(column, row, height)| (self.field.position(column, row), height))
+        self.field.surface_nodes().filter_map(move |(column, row, height)| {
+            let node = row * columns + column;
+            self.used[node].then(|| (column, row, height - fitted[node]))
+        })
     }
 
     /// The distance that 95 % of the used nodes stay below, mm.
     fn p95(&self, nurbs: &NurbsSurface) -> f64 {
-        p95(self.known().map(|(at, height)| (height - nurbs.height(at)).abs()).collect())
+        p95(self.misses(nurbs).map(|(_, _, miss)| miss.abs()).collect())
     }
 
     /// The least-squares surface, one span for every two nodes.
@@ -521,8 +523,9 @@ impl<'a> Data<'a> {
         let (knots_x, knots_y) = nurbs.knots();
         let (columns, rows) = (knots_x.control_points(), knots_y.control_points());
         let mut is_free = vec![false; columns * rows];
-        for (at, height) in self.known() {
-            if (height - nurbs.height(at)).abs() > tolerance / 4.0 {
+        for (column, row, miss) in self.misses(&nurbs) {
+            if miss.abs() > tolerance / 4.0 {
+                let at = self.field.position(column, row);
                 // The 4 × 4 control points that determine the cell, and one more on each side.
                 let (first_x, first_y) = (knots_x.span(at.x), knots_y.span(at.y));
                 for row in first_y.saturating_sub(1)..(first_y + 5).min(rows) {
@@ -550,6 +553,7 @@ impl<'a> Data<'a> {
         let has_free_points = |column: usize, row: usize| {
             (0..16).any(|local| is_free((row + local / 4) * width + column + local % 4))
         };
+        let fitted = heights_at_nodes(&nurbs, field);
         let mut equations = NormalEquations::<1>::new(width, knots_y.control_points());
         for (in_rows, row_span) in spans_of(&basis_y) {
             for (in_columns, column_span) in spans_of(&basis_x) {
@@ -566,7 +570,7 @@ impl<'a> Data<'a> {
                             let (x, y) = (&basis_x[column].value, &basis_y[row].value);
                             let shares: CellRow<1> =
                                 std::array::from_fn(|local| [x[local % 4] * y[local / 4]]);
-                            sum.add(&shares, height - nurbs.height(field.position(column, row)), 1.0);
+                            sum.add(&shares, height - fitted[node], 1.0);
                         }
                     }
                 }
@@ -578,6 +582,12 @@ impl<'a> Data<'a> {
         let steps = equations.solve(&solver)?;
         Ok(nurbs.moved(steps.into_iter().map(|[step]| step)))
     }
+}
+
+/// The heights of a surface at the nodes of a field, mm.
+fn heights_at_nodes(nurbs: &NurbsSurface, field: &HeightField) -> Vec<f64> {
+    let (xs, ys) = field.grid().lines();
+    nurbs.heights_over(&xs, &ys)
 }
 
 /// The marked nodes and those within `reach` steps of them, in rows of `columns` nodes.
@@ -596,9 +606,11 @@ fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
     marked
 }
 
-/// The tangent of the angle between two directions, at most that of the steepest surface.
-fn tangent(one: Vector3<f64>, other: Vector3<f64>) -> f64 {
-    one.cross(&other).norm() / one.dot(&other).max(STEEPEST_SURFACE.cos())
+/// The tangent of the angle between the normals of two slopes, at most that of the steepest surface.
+fn tangent(one: Vector2<f64>, other: Vector2<f64>) -> f64 {
+    let [one, other] = [one, other].map(|slope| Vector3::new(-slope.x, -slope.y, 1.0));
+    let lengths = (one.norm_squared() * other.norm_squared()).sqrt();
+    one.cross(&other).norm() / one.dot(&other).max(STEEPEST_SURFACE.cos() * lengths)
 }
 
 /// The 95th percentile.

@@ -110,6 +110,24 @@ impl NurbsSurface {
         self.lines(&x, &y).zip(&y.value).map(|(line, weight)| weight * Self::along(line, &x.value)).sum()
     }
 
+    /// Heights at the crossings of vertical and horizontal lines, mm, row by row; `xs` and `ys` are where the lines are, mm.
+    pub fn heights_over(&self, xs: &[f64], ys: &[f64]) -> Vec<f64> {
+        let columns = self.knots_x.control_points();
+        let along: Vec<Basis> = xs.iter().map(|&x| self.knots_x.basis(x)).collect();
+        let mut heights = Vec::with_capacity(xs.len() * ys.len());
+        let mut line = vec![0.0; columns];
+        for &y in ys {
+            let y = self.knots_y.basis(y);
+            let [a, b, c, d] = [0, 1, 2, 3].map(|row| &self.heights[(y.first + row) * columns..][..columns]);
+            for (column, sum) in line.iter_mut().enumerate() {
+                *sum = (y.value[0] * a[column] + y.value[1] * b[column])
+                    + (y.value[2] * c[column] + y.value[3] * d[column]);
+            }
+            heights.extend(along.iter().map(|x| Self::along(&line[x.first..x.first + 4], &x.value)));
+        }
+        heights
+    }
+
     /// Height, gradient and second derivatives at a point of the view; outside the domain the border polynomials are
     /// extrapolated (Piegl & Tiller, The NURBS Book, 1997, algorithm A3.6).
     ///

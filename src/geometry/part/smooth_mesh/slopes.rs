@@ -68,8 +68,7 @@ impl SmoothMesh {
         for (triangle, slot) in slots.iter_mut().enumerate() {
             if self.faces_laser(triangle) && self.bulges(triangle) {
                 *slot = normals.len() as u32;
-                let patch = self.patch(triangle);
-                normals.push([0, 1, 2].map(|side| patch.normal_beside(side)));
+                normals.push(self.patch(triangle).normals_beside());
             }
         }
         if normals.is_empty() && hidden.is_empty() {
