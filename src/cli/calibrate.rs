@@ -35,6 +35,8 @@ const SCHEMA: &str = "isomark.lens/1";
 const NOTABLE_SCALE: f64 = 0.001;
 /// … by more than this number of standard deviations.
 const SURE: f64 = 3.0;
+/// A lens axis that is further from the middle of the field than this share of its longer side is stated.
+const NOTABLE_OFFSET: f64 = 0.05;
 
 #[derive(Debug, Args)]
 pub(super) struct CalibrateArguments {
@@ -437,7 +439,7 @@ fn finish(
     found: &LensCalibration,
 ) -> Outcome {
     let changes = changes(arguments, station, found)?;
-    let document = document(station, named, found, &changes);
+    let document = document(station, field, named, found, &changes);
     if let Some(file) = &arguments.picture {
         write_file(file, picture(station, field, named, found).as_bytes())?;
     }
@@ -495,7 +497,13 @@ fn changes(
     Ok(changes)
 }
 
-fn document(station: &Station, named: &Named, found: &LensCalibration, changes: &[Change]) -> LensDocument {
+fn document(
+    station: &Station,
+    field: &Extents,
+    named: &Named,
+    found: &LensCalibration,
+    changes: &[Change],
+) -> LensDocument {
     let left_out = |is: &dyn Fn(ReadingPlace) -> bool| found.left_out.iter().any(|value| is(value.place));
     let crosses = named.readings.crosses.iter().enumerate().map(|(index, cross)| MeasuredValue {
         name: named.crosses[index].clone(),
@@ -526,11 +534,11 @@ fn document(station: &Station, named: &Named, found: &LensCalibration, changes: 
             .collect(),
         values: crosses.chain(distances).collect(),
         settings: changes.iter().filter_map(|(key, value)| value.line(key)).collect(),
-        notices: notices(named, found),
+        notices: notices(field, named, found),
     }
 }
 
-fn notices(named: &Named, found: &LensCalibration) -> Vec<Notice> {
+fn notices(field: &Extents, named: &Named, found: &LensCalibration) -> Vec<Notice> {
     let contradicts = |value: &LeftOut| {
         let message = format!("{}; it was left out", named.contradiction(value));
         Notice::warning("measurement-contradicts", message)
@@ -553,7 +561,30 @@ fn notices(named: &Named, found: &LensCalibration) -> Vec<Notice> {
                        `--stops`";
         notices.push(Notice::note("axis-not-measured", message));
     }
+    notices.extend(axis_off_middle(field, found));
     notices
+}
+
+/// A lens is over the middle of its field, and a plate that slips a little along its stops moves the axis by many times as much.
+fn axis_off_middle(field: &Extents, found: &LensCalibration) -> Option<Notice> {
+    let axis = found.axis?;
+    let middle = field.center();
+    let off = Vector2::new(axis[0].value, axis[1].value) - middle;
+    let known = SURE * axis[0].deviation.hypot(axis[1].deviation);
+    if off.norm() <= NOTABLE_OFFSET * field.size().max() + known {
+        return None;
+    }
+    let heights = || found.plates.iter().map(|plate| plate.z);
+    let apart = heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
+    let slip = Vector2::new(0, 1).map(|side| off[side] * found.convergence[side].value * apart).norm();
+    let message = format!(
+        "the lens axis is {:.1} mm from the middle of the field, ({:.1}, {:.1}) mm; a plate that was {slip:.1} mm off its stops would \
+         explain it. If the head was not mounted so, measure again, or leave out `--stops`",
+        off.norm(),
+        middle.x,
+        middle.y
+    );
+    Some(Notice::warning("axis-off-middle", message))
 }
 
 fn text(arguments: &LensArguments, document: &LensDocument) -> String {

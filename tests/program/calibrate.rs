@@ -377,11 +377,22 @@ fn stops_that_the_plates_do_not_share_are_refused() {
         shared.replace(',', ".").lines().map(|line| line.split(';').map(str::to_owned).collect()).collect();
     let is_raised = |cells: &[String]| cells.get(1).is_some_and(|height| height == "30");
     let joined = |rows: &[Vec<String>]| rows.iter().map(|cells| cells.join(";") + "\n").collect::<String>();
-    let mut moved = rows.clone();
-    for cells in moved.iter_mut().filter(|cells| is_raised(cells)) {
-        cells[4] = (cells[4].parse::<f64>().unwrap() + 20.0).to_string();
-    }
-    refused(joined(&moved), "outside the field");
+    let moved = |shift: f64| {
+        let mut moved = rows.clone();
+        for cells in moved.iter_mut().filter(|cells| is_raised(cells)) {
+            cells[4] = (cells[4].parse::<f64>().unwrap() + shift).to_string();
+        }
+        joined(&moved)
+    };
+    refused(moved(20.0), "outside the field");
+    // A tenth of that leaves the axis in the field.
+    desk.write("measured.csv", moved(2.0));
+    let found = result(&desk, "--measured measured.csv --stops");
+    assert_eq!(notices(&found), ["axis-off-middle"]);
+    let message = found["notices"][0]["message"].as_str().unwrap();
+    let slip: f64 = message.split_once("that was ").unwrap().1.split(' ').next().unwrap().parse().unwrap();
+    // The axis itself is 3.6 mm off the middle, as a slip of 0.4 mm would make it.
+    assert!((slip - 2.0).abs() < 0.5, "{message}");
     // Positions on the lower plate, and only distances on the raised one.
     let (raised, lower): (Vec<_>, Vec<_>) = rows.into_iter().partition(|cells| is_raised(cells));
     let at = |name: &str| {
