@@ -8,7 +8,7 @@ use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::solid::Solid;
 use super::solid::frame::Placement;
-use super::solid::rays::{FaceHit, SeenSolid, first_of};
+use super::solid::rays::{FaceHit, SeenSolid, Start, first_of};
 use crate::geometry::space::{Extents, View, ViewPoint};
 
 /// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
@@ -539,36 +539,46 @@ impl HeightField {
 
 /// For every node, the face that is hit there, and where it is hit; and the nodes with a second skin.
 fn exact_hits(solid: &SeenSolid, grid: &Grid) -> (NodeHits, SecondSkins) {
-    let mut all: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.count()];
-    for (index, face) in solid.faces().iter().enumerate() {
-        let [low, high] = face.bounds();
-        let in_columns = grid.range(low.x, high.x, grid.origin.x, grid.columns);
-        for row in grid.range(low.y, high.y, grid.origin.y, grid.rows) {
-            for column in in_columns.clone() {
-                let at = grid.position(column, row).coords();
-                face.hits(index as u32, at, &mut all[row * grid.columns + column]);
+    let ranges = |face: usize| {
+        let [low, high] = solid.faces()[face].bounds();
+        [(0, grid.columns), (1, grid.rows)]
+            .map(|(axis, count)| grid.range(low[axis], high[axis], grid.origin[axis], count))
+    };
+    let faces: Vec<_> = solid.from_top().into_iter().map(|face| (face, ranges(face))).collect();
+    let mut found: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.columns];
+    let (mut hits, mut doubled) = (Vec::with_capacity(grid.count()), Vec::new());
+    for row in 0..grid.rows {
+        found.iter_mut().for_each(Vec::clear);
+        for (face, [in_columns, in_rows]) in &faces {
+            if in_rows.contains(&row) {
+                let mut start = Start::default();
+                for column in in_columns.clone() {
+                    let at = grid.position(column, row).coords();
+                    solid.faces()[*face].hits(*face as u32, at, &mut start, &mut found[column]);
+                }
             }
         }
-    }
-    let mut doubled = Vec::new();
-    let hits = all.iter().enumerate().map(|(node, hits)| {
-        let first = first_of(hits)?;
-        let is_skin = |hit: &&FaceHit| {
-            hit.is_inside
-                && first.is_inside
-                && hit.face != first.face
-                && hit.normal.z > 0.0
-                && first.normal.z > 0.0
-        };
-        let gaps = hits.iter().filter(is_skin).map(|hit| first.height - hit.height);
-        if let Some(gap) = gaps.filter(|gap| *gap < SKINS[0] && *gap > SKINS[1]).reduce(f64::min) {
-            doubled.push((node, gap));
+        for (column, found) in found.iter().enumerate() {
+            let Some(first) = first_of(found) else {
+                hits.push(None);
+                continue;
+            };
+            let is_skin = |hit: &&FaceHit| {
+                hit.is_inside
+                    && first.is_inside
+                    && hit.face != first.face
+                    && hit.normal.z > 0.0
+                    && first.normal.z > 0.0
+            };
+            let gaps = found.iter().filter(is_skin).map(|hit| first.height - hit.height);
+            if let Some(gap) = gaps.filter(|gap| *gap < SKINS[0] && *gap > SKINS[1]).reduce(f64::min) {
+                doubled.push((row * grid.columns + column, gap));
+            }
+            // A normal along the view, of a wall, gives an infinite slope, whichever way it points.
+            let gradient = -first.normal.xy() / first.normal.z;
+            hits.push(Some((first.face, Hit { height: first.height, gradient, on_patch: true })));
         }
-        // A normal along the view, of a wall, gives an infinite slope, whichever way it points.
-        let gradient = -first.normal.xy() / first.normal.z;
-        Some((first.face, Hit { height: first.height, gradient, on_patch: true }))
-    });
-    let hits = hits.collect();
+    }
     (hits, doubled)
 }
 

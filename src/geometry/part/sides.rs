@@ -126,8 +126,8 @@ impl Side {
     /// The part in this view; `limit` is the largest angle between beam and normal, rad, that can be marked. The normals are
     /// those of the mesh if it has any, otherwise those of its facets, whichever way round they run.
     pub fn seen(mesh: &TriMesh, view: &View, limit: f64) -> Self {
-        let corners =
-            || mesh.triangles().iter().map(|triangle| mesh.corners(*triangle).map(|at| view.point(at)));
+        let points: Vec<Point3<f64>> = mesh.positions().iter().map(|&at| view.point(at)).collect();
+        let corners = || mesh.triangles().iter().map(|triangle| triangle.map(|index| points[index as usize]));
         let extents = Extents::of(corners().flatten().map(|corner| corner.coords.xy()));
         let (longer, shorter) = (extents.size().max(), extents.size().min());
         let step =
@@ -139,10 +139,15 @@ impl Side {
         let grid = SideHeights { origin, step, columns, rows, heights: Vec::new() };
         let mut hits: Vec<Hit> = vec![None; columns * rows];
         let has_normals = !mesh.normals().is_empty() && !mesh.normals_only_shade();
-        for (triangle, corners) in mesh.triangles().iter().zip(corners()) {
+        // What faces the laser comes first: most of it hides what faces away.
+        let faces = |upwards: bool| {
+            let all = mesh.triangles().iter().zip(corners());
+            all.filter(move |(_, [a, b, c])| ((b - a).xy().perp(&(c - a).xy()) > 0.0) == upwards)
+        };
+        for (triangle, corners) in faces(true).chain(faces(false)) {
             let normal_at =
                 |index: u32| mesh.normals().get(index as usize).map(|normal| view.vector(*normal));
-            let normals = if has_normals { triangle.map(normal_at) } else { [None; 3] };
+            let normals = || if has_normals { triangle.map(normal_at) } else { [None; 3] };
             grid.hit(&mut hits, &corners, normals);
         }
         let least = limit.cos();
@@ -191,22 +196,35 @@ impl Side {
 impl SideHeights {
     /// Puts a triangle of the view, with the normals of its corners if they are known, into the cells whose middle it
     /// covers, where it is the highest.
-    fn hit(&self, hits: &mut [Hit], triangle: &[Point3<f64>; 3], normals: [Option<Vector3<f64>>; 3]) {
+    fn hit(
+        &self,
+        hits: &mut [Hit],
+        triangle: &[Point3<f64>; 3],
+        normals: impl Fn() -> [Option<Vector3<f64>>; 3],
+    ) {
         let [a, b, c] = triangle.map(|corner| corner.coords.xy());
-        let [first, second, third] = triangle;
-        let Some(normal) = (second - first).cross(&(third - first)).try_normalize(0.0) else { return };
-        let facet = if normal.z < 0.0 { -normal } else { normal };
-        let corner_normals = normals.map(|normal| normal.filter(|normal| *normal != Vector3::zeros()));
         let [low, high] = [a.inf(&b).inf(&c), a.sup(&b).sup(&c)].map(|at| (at - self.origin) / self.step);
         let along = |low: f64, high: f64, count: usize| {
             (low.ceil().max(0.0) as usize)..((high.floor() + 1.0).clamp(0.0, count as f64) as usize)
         };
-        for row in along(low.y, high.y, self.rows) {
-            for column in along(low.x, high.x, self.columns) {
+        let (rows, columns) = (along(low.y, high.y, self.rows), along(low.x, high.x, self.columns));
+        if rows.is_empty() || columns.is_empty() {
+            return;
+        }
+        let [first, second, third] = triangle;
+        let Some(normal) = (second - first).cross(&(third - first)).try_normalize(0.0) else { return };
+        let facet = if normal.z < 0.0 { -normal } else { normal };
+        let top = first.z.max(second.z).max(third.z);
+        let corner_normals = normals().map(|normal| normal.filter(|normal| *normal != Vector3::zeros()));
+        for row in rows {
+            for column in columns.clone() {
+                let hit = &mut hits[row * self.columns + column];
+                if hit.is_some_and(|(highest, _)| highest >= top) {
+                    continue;
+                }
                 let at = self.origin + Vector2::new(column as f64, row as f64) * self.step;
                 let Some(shares) = shares_at(&at, triangle) else { continue };
                 let height = height_of(shares, triangle);
-                let hit = &mut hits[row * self.columns + column];
                 if hit.is_none_or(|(highest, _)| height > highest) {
                     let between = match corner_normals {
                         [Some(a), Some(b), Some(c)] => {

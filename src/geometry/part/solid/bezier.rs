@@ -5,6 +5,9 @@ use nalgebra::{Point3, Vector3, Vector4};
 /// The largest degree of a spline that is read; CAD programs write up to 25.
 pub const MAX_DEGREE: usize = 30;
 
+/// Patches of smaller degrees are evaluated in short lists.
+const LOW: usize = 6;
+
 /// A point with its weight.
 pub type Weighted = Vector4<f64>;
 
@@ -32,6 +35,25 @@ fn bernstein(degree: usize, t: f64) -> [f64; MAX_DEGREE + 1] {
         values[level] = saved;
     }
     values
+}
+
+/// The same of the degree below, and of this one; there are fewer than `MOST`.
+#[inline(always)]
+fn two_degrees<const MOST: usize>(degree: usize, t: f64) -> [[f64; MOST]; 2] {
+    let mut values = [0.0; MOST];
+    values[0] = 1.0;
+    let mut below = values;
+    for level in 1..=degree {
+        below = values;
+        let mut saved = 0.0;
+        for value in values.iter_mut().take(level) {
+            let old = *value;
+            *value = saved + (1.0 - t) * old;
+            saved = t * old;
+        }
+        values[level] = saved;
+    }
+    [below, values]
 }
 
 /// A curve segment over 0 to 1.
@@ -116,9 +138,18 @@ impl BezierPatch {
 
     /// The point and the derivatives at (u, v).
     pub fn jet(&self, u: f64, v: f64) -> Jet {
+        // Nearly all patches are of a low degree, and long lists cost more than what is in them.
+        if self.degree.iter().all(|&degree| degree < LOW) {
+            self.jet_within::<LOW>(u, v)
+        } else {
+            self.jet_within::<{ MAX_DEGREE + 1 }>(u, v)
+        }
+    }
+
+    fn jet_within<const MOST: usize>(&self, u: f64, v: f64) -> Jet {
         let [p, q] = self.degree;
-        let (in_u, in_v) = (bernstein(p, u), bernstein(q, v));
-        let (lower_u, lower_v) = (bernstein(p.saturating_sub(1), u), bernstein(q.saturating_sub(1), v));
+        let [lower_u, in_u] = two_degrees::<MOST>(p, u);
+        let [lower_v, in_v] = two_degrees::<MOST>(q, v);
         let (mut sum, mut du, mut dv) = (Weighted::zeros(), Weighted::zeros(), Weighted::zeros());
         let mut previous = Weighted::zeros();
         for i in 0..=p {

@@ -1,8 +1,10 @@
 //! Where the laser's axis meets the faces of a solid, computed on their exact surfaces.
 
+use std::cell::Cell;
+
 use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
 
-use super::bezier::{BezierPatch, projected};
+use super::bezier::{BezierPatch, Jet, projected};
 use super::frame::Frame;
 use super::round::RoundForm;
 use super::surface::{Patches, Surface};
@@ -12,6 +14,8 @@ use super::{Face, Solid};
 /// A place this close to the boundary of a face, mm, is on the face if no other face covers it: two faces share the chords of
 /// their edge, but not exactly the same side of them.
 pub const RIM: f64 = 1e-3;
+/// What is further than this below a place inside a face, mm, is hidden, and no second skin either.
+const HIDDEN: f64 = 0.1;
 /// Parts of a patch are divided down to this share of the part, where the surface folds back in the view.
 const SMALLEST: f64 = 1.0 / 1024.0;
 /// The angle by which the directions of u and v in the view must differ everywhere in a part of a patch, rad.
@@ -51,6 +55,24 @@ pub struct SeenSolid {
     faces: Vec<SeenFace>,
 }
 
+/// The part of a patch, and the place in it, at which Newton's method ended last.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Start(Option<(u32, [f64; 2])>);
+
+/// A place at which the axis of the laser meets a surface.
+struct Met {
+    height: f64,
+    parameters: Vector2<f64>,
+    /// The surface's unit normal, if it is known.
+    normal: Option<Vector3<f64>>,
+}
+
+impl Met {
+    fn at(height: f64, parameters: Vector2<f64>) -> Self {
+        Self { height, parameters, normal: None }
+    }
+}
+
 /// A face in the view.
 #[derive(Debug, Clone)]
 pub struct SeenFace {
@@ -75,6 +97,8 @@ struct Part {
     is_single: bool,
     low: Vector2<f64>,
     high: Vector2<f64>,
+    /// No point of it is higher, mm.
+    top: f64,
 }
 
 /// Things in lists by the rows of the view that they are in.
@@ -101,14 +125,14 @@ impl<T> Lists<T> {
         Self { things, rows, start: low, width }
     }
 
-    /// What is within `near` of a place.
-    fn at(&self, value: f64, near: f64) -> impl Iterator<Item = &T> {
+    /// What is within `near` of a place, with its number in the list.
+    fn at(&self, value: f64, near: f64) -> impl Iterator<Item = (u32, &T)> {
         let number = |value: f64| (value - self.start) / self.width;
         let outside = !(number(value + near) >= 0.0 && number(value - near) <= ROWS as f64);
         let first = (number(value - near).max(0.0) as usize).min(ROWS - 1);
         let last = (number(value + near).max(0.0) as usize).min(ROWS - 1);
         let rows = if outside { &[] } else { &self.rows[first..=last] };
-        rows.iter().flatten().map(|&index| &self.things[index as usize])
+        rows.iter().flatten().map(|&index| (index, &self.things[index as usize]))
     }
 }
 
@@ -185,10 +209,17 @@ impl SeenSolid {
         let mut hits = Vec::new();
         for (index, face) in self.faces.iter().enumerate() {
             if face.may_cover(at) {
-                face.hits(index as u32, at, &mut hits);
+                face.hits(index as u32, at, &mut Start::default(), &mut hits);
             }
         }
         first_of(&hits)
+    }
+
+    /// The numbers of its faces, those first that reach highest, as far as their boundaries show it: they hide others.
+    pub fn from_top(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.faces.len()).collect();
+        order.sort_by(|&one, &other| self.faces[other].heights[1].total_cmp(&self.faces[one].heights[1]));
+        order
     }
 }
 
@@ -223,6 +254,8 @@ impl SeenFace {
         let mut parts = Vec::new();
         if let Surface::Patches(patches) = &face.surface {
             parts = parts_of(patches, &face.trimming, size * SMALLEST);
+            // The higher ones hide the others.
+            parts.sort_by(|one, other| other.top.total_cmp(&one.top));
         }
         let parts = Lists::new(parts, |part: &Part| [part.low.y, part.high.y]);
         if let Some([from, to]) = reach(&face.surface, &face.trimming, &parts.things) {
@@ -271,15 +304,21 @@ impl SeenFace {
         at.x >= self.low.x && at.x <= self.high.x && at.y >= self.low.y && at.y <= self.high.y
     }
 
-    /// Adds every place at which the axis of the laser through `at` meets the face.
-    pub fn hits(&self, index: u32, at: Vector2<f64>, hits: &mut Vec<FaceHit>) {
-        let mut add = |height: f64, parameters: Vector2<f64>, may_be_inside: bool| {
-            if !height.is_finite() {
+    /// Adds the places at which the axis of the laser through `at` meets the face, but not those that the other hits hide.
+    /// `start` is where the last one was, which is near on the way along a line.
+    pub fn hits(&self, index: u32, at: Vector2<f64>, start: &mut Start, hits: &mut Vec<FaceHit>) {
+        let inside = hits.iter().filter(|hit| hit.is_inside).map(|hit| hit.height - HIDDEN);
+        let hidden_below = Cell::new(inside.fold(f64::NEG_INFINITY, f64::max));
+        let mut add = |Met { height, parameters, normal }: Met, may_be_inside: bool| {
+            if !height.is_finite() || height < hidden_below.get() {
                 return;
             }
             let is_inside = may_be_inside && self.trimming.contains(parameters);
+            if is_inside {
+                hidden_below.set(hidden_below.get().max(height - HIDDEN));
+            }
             if is_inside || self.is_on_rim(Point3::new(at.x, at.y, height)) {
-                let normal = self.surface.normal(parameters);
+                let normal = normal.unwrap_or_else(|| self.surface.normal(parameters));
                 let normal = if self.is_same_sense { normal } else { -normal };
                 hits.push(FaceHit { height, normal, face: index, is_inside });
             }
@@ -290,18 +329,18 @@ impl SeenFace {
                     let from = Point3::new(at.x, at.y, 0.0) - frame.origin;
                     let height = -from.dot(&frame.z) / frame.z.z;
                     let local = frame.local(&Point3::new(at.x, at.y, height));
-                    add(height, local.xy(), true);
+                    add(Met::at(height, local.xy()), true);
                 }
             }
             Surface::Cylinder(frame, radius) => {
                 for (height, local) in quadric(frame, at, [1.0, 1.0, 0.0], 0.0, radius * radius) {
-                    add(height, Vector2::new(local.y.atan2(local.x), local.z), true);
+                    add(Met::at(height, Vector2::new(local.y.atan2(local.x), local.z)), true);
                 }
             }
             Surface::Sphere(frame, radius) => {
                 for (height, local) in quadric(frame, at, [1.0, 1.0, 1.0], 0.0, radius * radius) {
                     let up = local.z.atan2(local.x.hypot(local.y));
-                    add(height, Vector2::new(local.y.atan2(local.x), up), true);
+                    add(Met::at(height, Vector2::new(local.y.atan2(local.x), up)), true);
                 }
             }
             Surface::Cone(frame, radius, tangent) => {
@@ -310,13 +349,19 @@ impl SeenFace {
                 let found = quadric(frame, at, [1.0, 1.0, -tangent * tangent], linear, radius * radius);
                 for (height, local) in found {
                     let side = if radius + tangent * local.z < 0.0 { -1.0 } else { 1.0 };
-                    add(height, Vector2::new((local.y * side).atan2(local.x * side), local.z), true);
+                    add(Met::at(height, Vector2::new((local.y * side).atan2(local.x * side), local.z)), true);
                 }
             }
             Surface::Patches(patches) => {
                 let domain = patches.domain();
-                for part in self.parts.at(at.y, self.rim) {
-                    part.meet(at, self.rim, domain, &mut add);
+                for (number, part) in self.parts.at(at.y, self.rim) {
+                    if part.top >= hidden_below.get() {
+                        let mut near = start.0.filter(|(of, _)| *of == number).map(|(_, place)| place);
+                        part.meet(at, self.rim, domain, &mut near, &mut add);
+                        if let Some(place) = near {
+                            *start = Start(Some((number, place)));
+                        }
+                    }
                 }
             }
             Surface::Unread(_) => {}
@@ -325,14 +370,14 @@ impl SeenFace {
 
     /// Whether a place is inside the outline of the boundary in the view.
     fn outlines(&self, at: Vector2<f64>) -> bool {
-        let crosses = |[a, b]: &&[Point3<f64>; 2]| {
+        let crosses = |(_, [a, b]): &(u32, &[Point3<f64>; 2])| {
             (a.y <= at.y) != (b.y <= at.y) && a.x + (b.x - a.x) * (at.y - a.y) / (b.y - a.y) > at.x
         };
         self.sides.at(at.y, 0.0).filter(crosses).count() % 2 == 1
     }
 
     fn is_on_rim(&self, at: Point3<f64>) -> bool {
-        self.sides.at(at.y, self.rim).any(|[a, b]| {
+        self.sides.at(at.y, self.rim).any(|(_, [a, b])| {
             let along = b - a;
             let square = along.norm_squared();
             let share = if square > 0.0 { ((at - a).dot(&along) / square).clamp(0.0, 1.0) } else { 0.0 };
@@ -434,7 +479,8 @@ fn parts_of(patches: &Patches, trimming: &Trimming, smallest: f64) -> Vec<Part> 
         let is_single = is_single(&patch, &points);
         if is_single || depth >= 40 || (to - from).amax() <= smallest || parts.len() + open.len() >= MAX_PARTS
         {
-            parts.push(Part { patch, range, is_single, low: from, high: to });
+            let top = patch.points.iter().map(|point| projected(point).z).fold(f64::NEG_INFINITY, f64::max);
+            parts.push(Part { patch, range, is_single, low: from, high: to, top });
             continue;
         }
         let axis = longer_axis(&patch, &points);
@@ -471,6 +517,11 @@ fn is_single(patch: &BezierPatch, points: &[Point2<f64>]) -> bool {
     let along_u = || (0..p).flat_map(|i| (0..=q).map(move |j| (i, j))).map(|(i, j)| at(i + 1, j) - at(i, j));
     let along_v = || (0..=p).flat_map(|i| (0..q).map(move |j| (i, j))).map(|(i, j)| at(i, j + 1) - at(i, j));
     let mean: Vector2<f64> = along_u().sum();
+    // Most that fail do so here, at a fold: all of v must be on one side of u.
+    let [is_left, is_right] = [1.0, -1.0].map(|way| along_v().any(|step| way * mean.perp(&step) > 0.0));
+    if is_left == is_right {
+        return false;
+    }
     let angle =
         |step: Vector2<f64>| (step != Vector2::zeros()).then(|| mean.perp(&step).atan2(mean.dot(&step)));
     let (Some([u_low, u_high]), Some([v_low, v_high])) =
@@ -509,14 +560,15 @@ fn range_of(mut values: impl Iterator<Item = Option<f64>>) -> Option<[f64; 2]> {
 }
 
 impl Part {
-    /// Calls `add` with the height and the parameters of every place at which the axis of the laser meets the part, and whether
-    /// the place is inside the part and not only within `rim` of it.
+    /// Calls `add` with every place at which the axis of the laser meets the part, and whether it is inside the part and not only
+    /// within `rim` of it. `near` is a place in the part that may be near, and becomes the one that is met.
     fn meet(
         &self,
         at: Vector2<f64>,
         rim: f64,
         domain: [[f64; 2]; 2],
-        add: &mut impl FnMut(f64, Vector2<f64>, bool),
+        near: &mut Option<[f64; 2]>,
+        add: &mut impl FnMut(Met, bool),
     ) {
         let is_near = |low: &Vector2<f64>, high: &Vector2<f64>, margin: f64| {
             at.x >= low.x - margin
@@ -531,12 +583,18 @@ impl Part {
             let [u, v] = self.range;
             Vector2::new(u[0] + (u[1] - u[0]) * s, v[0] + (v[1] - v[0]) * t)
         };
+        // Beyond the patch, as it continues, there may be another place.
+        let is_inside = |place: &[f64; 2]| place.iter().all(|value| (0.0..=1.0).contains(value));
+        let first = near.take().and_then(|start| newton(&self.patch, at, start));
+        let first = first.filter(|(place, _)| is_inside(place));
         if self.is_single
-            && let Some([s, t]) = newton(&self.patch, at)
+            && let Some(([s, t], jet)) = first.or_else(|| newton(&self.patch, at, [0.5; 2]))
         {
             let (s_in, t_in) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
+            *near = Some([s_in, t_in]);
             if (s - s_in).abs() <= 1e-9 && (t - t_in).abs() <= 1e-9 {
-                add(self.patch.jet(s, t).point.z, parameters(s_in, t_in), true);
+                let met = Met::at(jet.point.z, parameters(s_in, t_in));
+                add(Met { normal: unit_normal(&jet), ..met }, true);
                 return;
             }
             // Just beyond an end of the surface, its end is met.
@@ -550,7 +608,7 @@ impl Part {
             if ends.contains(&true) {
                 let end = self.patch.jet(s_in, t_in).point;
                 if (end.coords.xy() - at).norm() <= rim {
-                    add(end.z, parameters(s_in, t_in), false);
+                    add(Met::at(end.z, parameters(s_in, t_in)), false);
                 }
             }
             return;
@@ -579,11 +637,11 @@ impl Part {
                 let height = patch.jet(inner[0], inner[1]).point.z;
                 if found.iter().all(|known| (known - height).abs() > 1e-7) {
                     found.push(height);
-                    add(height, parameters(place[0], place[1]), true);
+                    add(Met::at(height, parameters(place[0], place[1])), true);
                 }
             };
             if is_single(&patch, &points)
-                && let Some([a, b]) = newton(&patch, at)
+                && let Some(([a, b], _)) = newton(&patch, at, [0.5; 2])
             {
                 if a > -1e-9 && a < 1.0 + 1e-9 && b > -1e-9 && b < 1.0 + 1e-9 {
                     take([a.clamp(0.0, 1.0), b.clamp(0.0, 1.0)]);
@@ -605,12 +663,19 @@ impl Part {
     }
 }
 
-/// The parameters at which a patch is at this place of the view; `None` if the steps do not converge.
-fn newton(patch: &BezierPatch, at: Vector2<f64>) -> Option<[f64; 2]> {
-    let (mut s, mut t) = (0.5, 0.5);
+/// The unit normal of a patch; `None` where it is degenerate.
+fn unit_normal(jet: &Jet) -> Option<Vector3<f64>> {
+    let normal = jet.by_u.cross(&jet.by_v);
+    (normal.norm() > 1e-6 * jet.by_u.norm() * jet.by_v.norm()).then(|| normal.normalize())
+}
+
+/// The parameters at which a patch is at this place of the view, found from `start`, and the patch there; `None` if the steps do not
+/// converge.
+fn newton(patch: &BezierPatch, at: Vector2<f64>, start: [f64; 2]) -> Option<([f64; 2], Jet)> {
+    let [mut s, mut t] = start;
     let mut beyond = 0;
     for _ in 0..40 {
-        let jet = patch.jet(s, t);
+        let mut jet = patch.jet(s, t);
         let miss = at - jet.point.coords.xy();
         let (by_u, by_v) = (jet.by_u.xy(), jet.by_v.xy());
         let determinant = by_u.perp(&by_v);
@@ -621,8 +686,10 @@ fn newton(patch: &BezierPatch, at: Vector2<f64>) -> Option<[f64; 2]> {
         let size = step.amax();
         let step = if size > 0.7 { step * (0.7 / size) } else { step };
         (s, t) = ((s + step.x).clamp(-0.5, 1.5), (t + step.y).clamp(-0.5, 1.5));
-        if size < 1e-13 {
-            return Some([s, t]);
+        // The error that remains is about the square of the last step.
+        if size < 1e-8 {
+            jet.point += jet.by_u * step.x + jet.by_v * step.y;
+            return Some(([s, t], jet));
         }
         // Beyond the patch there is nothing to find precisely.
         beyond = if [s, t].iter().any(|value| *value <= -0.5 || *value >= 1.5) { beyond + 1 } else { 0 };
@@ -630,6 +697,7 @@ fn newton(patch: &BezierPatch, at: Vector2<f64>) -> Option<[f64; 2]> {
             return None;
         }
     }
-    let miss = (patch.jet(s, t).point.coords.xy() - at).norm();
-    (miss < 1e-10).then_some([s, t])
+    let jet = patch.jet(s, t);
+    let miss = (jet.point.coords.xy() - at).norm();
+    (miss < 1e-10).then_some(([s, t], jet))
 }
