@@ -1,5 +1,6 @@
 use crate::formats::pattern::{PatternOptions, PatternReadError, PatternReading, Space, Strokes, read};
 use crate::geometry::pattern::Shape;
+use crate::geometry::space::FlatPoint;
 
 fn section(name: &str, content: &str) -> String {
     format!("0\nSECTION\n2\n{name}\n{content}0\nENDSEC\n")
@@ -277,6 +278,27 @@ fn text_with_background(fill: u32, factor: f64) -> String {
 
 fn line_at(y: f64, layer: &str) -> String {
     format!("0\nLINE\n5\n2F\n8\n{layer}\n10\n0\n20\n{y}\n11\n60\n21\n{y}\n")
+}
+
+#[test]
+fn frames_of_texts_are_drawn_where_their_backgrounds_end() {
+    let corners = |fill: u32| {
+        let text = text_with_background(fill, 1.5);
+        let reading = read(&drawing("", &text, ""), &PatternOptions::default()).unwrap();
+        let frames = reading.pattern.paths.iter().filter(|path| path.region.is_none());
+        let ends = frames.map(|path| path.shape.segments().iter().map(|part| part.start()).collect());
+        ends.collect::<Vec<Vec<FlatPoint>>>()
+    };
+    assert!(corners(0).iter().chain(&corners(1)).all(|ends| ends.len() != 4));
+    for fill in [16, 17] {
+        let frames: Vec<_> = corners(fill).into_iter().filter(|ends| ends.len() == 4).collect();
+        let [frame] = &frames[..] else { panic!("{frames:?}") };
+        // Half a letter beyond the letters, which are 5 high with the upper left corner at (10, 10).
+        let near = |at: FlatPoint, x: f64, y: f64| (at.x - x).abs() < 1e-9 && (at.y - y).abs() < 1e-9;
+        assert!(near(frame[0], 7.5, 2.5) && near(frame[3], 7.5, 12.5), "{frame:?}");
+        // Three letters are wider than they are high.
+        assert!(near(frame[1], frame[2].x, 2.5) && (17.5..35.0).contains(&frame[1].x), "{frame:?}");
+    }
 }
 
 /// Like a WIPEOUT, a background would show lines that the drawing does not show.

@@ -23,6 +23,8 @@ const LEADING: f64 = 5.0 / 3.0;
 const FILLED: i64 = 1;
 /// The background of a text has the colour of the drawing window.
 const FILLED_AS_WINDOW: i64 = 2;
+/// A text has a frame, drawn where its background ends.
+const FRAMED: i64 = 16;
 /// The size of a text in another font is known to about this share of its height; a line so close to the rim may be beside the
 /// background.
 const UNSURE: f64 = 0.1;
@@ -176,22 +178,20 @@ pub(in super::super) fn drawn(
     );
     let own = Placement { linear: axes(&groups), offset: groups.point(10) };
     let placement = own.after(&sheared(0.0, shift));
-    let mask = background(&groups, height).map(|border| {
+    let corners = |border: f64| {
         let (left, right) = (-border, box_width.max(widest) + border);
         let (low, high) = (baseline - border, border);
-        let corners = [[left, low], [right, low], [right, high], [left, high]];
-        (None, Item::Mask(corners.map(|[x, y]| Vector3::new(x, y, 0.0))))
-    });
+        [[left, low], [right, low], [right, high], [left, high]].map(|[x, y]| Vector3::new(x, y, 0.0))
+    };
+    let beyond = (groups.or(45, 1.5) - 1.0) * height;
+    let flags = groups.flags(90);
+    // The background surely reaches as far as this beyond the box of the text.
+    let mask = (flags & (FILLED | FILLED_AS_WINDOW) != 0)
+        .then(|| (None, Item::Mask(corners(beyond - UNSURE * height))));
+    let frame = (flags & FRAMED != 0).then(|| (None, Item::Curve(through(&corners(beyond), true))));
     // The background is behind the letters.
-    let items = mask.into_iter().chain(items);
+    let items = mask.into_iter().chain(frame).chain(items);
     Ok(Item::Several(items.map(|(color, item)| (color, item.placed(&placement))).collect()))
-}
-
-/// How far the background of a text with letters of this height surely reaches beyond its box, in units of the drawing; `None`
-/// without a background that hides lines.
-fn background(groups: &Groups, height: f64) -> Option<f64> {
-    let is_filled = groups.flags(90) & (FILLED | FILLED_AS_WINDOW) != 0;
-    is_filled.then(|| (groups.or(45, 1.5) - 1.0 - UNSURE) * height)
 }
 
 /// The axes of the text in its space: from its direction (11) or its angle (50), the later of the two groups.
