@@ -22,6 +22,9 @@ const OFFSET: f64 = 0.1;
 /// Nodes round an edge of the part are within this many steps of its height, unless the edge is hidden.
 const NEAR: f64 = 4.0;
 
+/// An edge between normals 90° apart bulges by less than this share of its length.
+const MOST_BULGE: f64 = 0.25;
+
 /// A second side of the part that faces the laser closer than this behind the first, mm, is a second skin. Coincident
 /// copies, closer than the second value, are one.
 const SKINS: [f64; 2] = [0.05, 2e-3];
@@ -268,33 +271,37 @@ impl FacingPart {
     fn hits(&self, grid: &Grid) -> (NodeHits, SecondSkins) {
         let mut hits: NodeHits = vec![None; grid.count()];
         let mut doubled = Vec::new();
-        // What faces the laser comes first: most of it hides what faces away.
-        let faces = |upwards: bool| {
-            (0..self.mesh.triangles.len()).filter(move |&triangle| (self.turn(triangle) > 0.0) == upwards)
+        let is_hidden = |seen: &Option<(u32, Hit)>, top: f64| {
+            seen.is_some_and(|(_, old)| old.on_patch && top + SKINS[0] < old.height)
         };
-        for triangle in faces(true).chain(faces(false)) {
+        let mut meet = |triangle: usize| {
             let points = self.mesh.corners(triangle).0;
             let extents = Extents::of(points.map(|point| point.coords.xy()));
-            // An edge between normals 90° apart bulges by less than a quarter of its length.
-            let grown = extents.grown(extents.size().norm() * 0.25);
+            let grown = extents.grown(extents.size().norm() * MOST_BULGE);
             let in_columns = grid.range(grown.min.x, grown.max.x, grid.origin.x, grid.columns);
             let in_rows = grid.range(grown.min.y, grown.max.y, grid.origin.y, grid.rows);
             if in_columns.is_empty() || in_rows.is_empty() {
-                continue;
+                return;
+            }
+            let sides = [points[1] - points[0], points[2] - points[1], points[0] - points[2]];
+            let longest = sides.iter().map(Vector3::norm_squared).fold(0.0, f64::max).sqrt();
+            let highest = points.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max);
+            let nodes =
+                |row: usize| row * grid.columns + in_columns.start..row * grid.columns + in_columns.end;
+            let is_surely_hidden =
+                |seen: &Option<(u32, Hit)>| is_hidden(seen, highest + longest * MOST_BULGE);
+            if in_rows.clone().all(|row| hits[nodes(row)].iter().all(is_surely_hidden)) {
+                return;
             }
             let patch = self.mesh.patch(triangle);
             let bulge = patch.largest_bulge();
-            let Some(patch) = patch.seen() else { continue };
+            let Some(patch) = patch.seen() else { return };
             let near = extents.grown(bulge);
-            let top = points.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max) + bulge;
             for row in in_rows {
                 for column in in_columns.clone() {
                     let at = grid.position(column, row).coords();
-                    if !near.contains(at) {
-                        continue;
-                    }
                     let seen = &mut hits[row * grid.columns + column];
-                    if seen.is_some_and(|(_, old)| old.on_patch && top + SKINS[0] < old.height) {
+                    if !near.contains(at) || is_hidden(seen, highest + bulge) {
                         continue;
                     }
                     let Some(hit) = patch.hit(at) else { continue };
@@ -314,7 +321,13 @@ impl FacingPart {
                     }
                 }
             }
+        };
+        // What faces the laser comes first: most of it hides what faces away.
+        let mut away = Vec::new();
+        for triangle in 0..self.mesh.triangles.len() {
+            if self.turn(triangle) > 0.0 { meet(triangle) } else { away.push(triangle as u32) }
         }
+        away.into_iter().for_each(|triangle| meet(triangle as usize));
         doubled.sort_by_key(|&(node, _)| node);
         doubled.dedup_by_key(|&mut (node, _)| node);
         (hits, doubled)
