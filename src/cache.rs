@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder for each SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v16/                one folder for each format version
+//! <cache>/v17/                one folder for each format version
 //! └── <sku>/
 //!     ├── current.toml        the current part of the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body

@@ -565,7 +565,7 @@ fn notices(field: &Extents, named: &Named, found: &LensCalibration) -> Vec<Notic
     notices
 }
 
-/// A lens is over the middle of its field, and a plate that slips a little along its stops moves the axis by many times as much.
+/// A lens is over the middle of its field, and a plate that is a little off its stops moves the axis by many times as much.
 fn axis_off_middle(field: &Extents, found: &LensCalibration) -> Option<Notice> {
     let axis = found.axis?;
     let middle = field.center();
@@ -576,10 +576,14 @@ fn axis_off_middle(field: &Extents, found: &LensCalibration) -> Option<Notice> {
     }
     let heights = || found.plates.iter().map(|plate| plate.z);
     let apart = heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min);
-    let slip = Vector2::new(0, 1).map(|side| off[side] * found.convergence[side].value * apart).norm();
+    let slip = (off.component_mul(&Vector2::from(found.convergence.map(|side| side.value))) * apart).norm();
+    let cause = match found.plates.len() {
+        2 => format!("a plate that was {slip:.1} mm off its stops would explain it"),
+        _ => format!("plates that moved by {slip:.1} mm between the lowest and the highest would explain it"),
+    };
     let message = format!(
-        "the lens axis is {:.1} mm from the middle of the field, ({:.1}, {:.1}) mm; a plate that was {slip:.1} mm off its stops would \
-         explain it. If the head was not mounted so, measure again, or leave out `--stops`",
+        "the lens axis is {:.1} mm from the middle of the field, ({:.1}, {:.1}) mm; {cause}. If the head is over the middle of the \
+         field, measure again with all plates against the stops, or leave out `--stops`",
         off.norm(),
         middle.x,
         middle.y

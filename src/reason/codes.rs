@@ -58,8 +58,9 @@ const CODES: &[Code] = &[
         "axis-off-middle",
         "The measured lens axis is far from the middle of the field.",
         "A lens is mounted over the middle of its field. With `--stops` the axis follows from where the same crosses are on plates at \
-         different heights, so a plate that was a little off its stops moves the axis about ten times as far. A wrong axis shifts \
-         every mark on a part that is higher or lower than the calibrated plane. The message states the slip that would explain it.",
+         different heights, so a plate that was a little off its stops moves the axis much further: about ten times as far with plates \
+         30 mm apart under a lens 300 mm away. A wrong axis shifts every mark on a part that is higher or lower than the calibrated \
+         plane. The message states the slip that would explain it.",
         "Look at how the head is mounted. If the lens is over the middle of the field, measure again with all plates against the \
          stops, or leave out `--stops`.",
     ]),

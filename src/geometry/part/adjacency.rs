@@ -129,6 +129,12 @@ pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }
 
+/// Twice the area of a triangle in the view, mm²; negative for one that runs clockwise.
+pub(super) fn turn_in_view(corners: [Point3<f64>; 3]) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner.coords.xy());
+    (b - a).perp(&(c - a))
+}
+
 /// How far a triangle reaches from one of its sides, mm.
 pub(super) fn width(points: [Point3<f64>; 3], side: usize) -> f64 {
     let [from, to, far] = [0, 1, 2].map(|turn| points[(side + turn) % 3]);

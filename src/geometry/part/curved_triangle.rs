@@ -16,8 +16,11 @@ const ALONG_POWER: i32 = 8;
 const BORDER_TOLERANCE: f64 = 1e-6;
 /// A triangle whose curved net stays this close to its facet, mm, is treated as flat.
 const FLATNESS: f64 = 1e-7;
-/// From this close to a point of the view, mm, its tangent plane leads to the patch: what that misses is a millionth of it.
-const NEAR: f64 = 1e-6;
+/// Within this distance of the point sought, mm, and with a step of at most this in the parameters, the last step follows the
+/// tangent plane: what remains is about the square of the step.
+const NEAR: [f64; 2] = [1e-6, 1e-3];
+/// At this distance, mm, the point is met.
+const MET: f64 = 1e-10;
 
 /// A cubic patch through the corners of a triangle and perpendicular to their normals, in the frame of the view.
 ///
@@ -40,7 +43,7 @@ pub struct SeenTriangle {
     sides: [Vector3<f64>; 2],
     /// From steps in the view, mm, to those of the barycentric coordinates v and w of the flat facet.
     flat_inverse: Matrix2<f64>,
-    /// The patch covers no point whose barycentric coordinates in the flat facet, for one of the corners, are below this.
+    /// Lower bounds of the flat facet's barycentric coordinates of all points that the patch covers, with the tolerance at the border.
     least: [f64; 3],
     flat: bool,
     patch: Cubic,
@@ -181,9 +184,14 @@ impl SeenTriangle {
         for _ in 0..12 {
             let (point, by_v, by_w) = self.patch.at(parameter.x, parameter.y);
             let miss = at - point.xy();
-            let Some(inverse) = Matrix2::new(by_v.x, by_w.x, by_v.y, by_w.y).try_inverse() else { break };
-            let step = inverse * miss;
-            if miss.norm() < NEAR {
+            // At a corner the patch may be exactly along the laser: no step leads on, and none is needed.
+            let step = if miss.norm() < MET {
+                Vector2::zeros()
+            } else {
+                let Some(inverse) = Matrix2::new(by_v.x, by_w.x, by_v.y, by_w.y).try_inverse() else { break };
+                inverse * miss
+            };
+            if miss.norm() < NEAR[0] && step.norm() < NEAR[1] {
                 let end = parameter + step;
                 if !inside(end.x, end.y) {
                     break;
@@ -281,6 +289,67 @@ mod tests {
             let miss = hit.height - (33.0f64 * 33.0 - x * x).sqrt();
             assert!(hit.on_patch && miss.abs() < 0.0015, "({x}, {y}): {miss} mm");
         }
+    }
+
+    #[test]
+    fn the_polynomial_of_a_patch_is_its_bezier_form() {
+        let corners = [[0.0, 0.0, 1.0], [7.0, 1.0, 0.4], [2.0, 5.0, 0.1]].map(Point3::from);
+        let normals =
+            [[-0.2, 0.1, 1.0], [0.3, 0.2, 1.0], [0.1, 0.4, 1.0]].map(|n| Vector3::from(n).normalize());
+        let patch = CurvedTriangle::new(corners, normals);
+        let cubic = Cubic::of(&patch);
+        let bezier = |v: f64, w: f64| {
+            let u = 1.0 - v - w;
+            let flat = corners[0].coords * u + corners[1].coords * v + corners[2].coords * w;
+            let weights = [u * u * v, u * v * v, v * v * w, v * w * w, u * w * w, u * u * w, 2.0 * u * v * w];
+            patch.bulge.iter().zip(weights).fold(flat, |sum, (step, weight)| sum + step * (3.0 * weight))
+        };
+        for (v, w) in [(0.2, 0.3), (0.0, 0.0), (0.9, 0.05), (-0.1, 0.4)] {
+            let (point, by_v, by_w) = cubic.at(v, w);
+            assert!((point - bezier(v, w)).norm() < 1e-13);
+            let h = 1e-5;
+            assert!((by_v - (bezier(v + h, w) - bezier(v - h, w)) / (2.0 * h)).norm() < 1e-8);
+            assert!((by_w - (bezier(v, w + h) - bezier(v, w - h)) / (2.0 * h)).norm() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn no_place_of_a_patch_is_rejected() {
+        let corners = [[0.0, 0.0, 1.0], [7.0, 1.0, 0.4], [2.0, 5.0, 0.1]].map(Point3::from);
+        // Its sides bulge outwards and inwards in the view.
+        let normals =
+            [[-0.5, 0.3, 1.0], [0.5, -0.4, 1.0], [0.1, 0.6, 1.0]].map(|n| Vector3::from(n).normalize());
+        let patch = CurvedTriangle::new(corners, normals);
+        let cubic = Cubic::of(&patch);
+        let seen = patch.seen().unwrap();
+        for row in 0..=20 {
+            for column in 0..=20 - row {
+                let (point, _, _) = cubic.at(f64::from(column) / 20.0, f64::from(row) / 20.0);
+                let hit = seen.hit(point.xy()).unwrap();
+                assert!(
+                    hit.on_patch && (hit.height - point.z).abs() < 1e-9,
+                    "{row} {column}: {hit:?} {point}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_corner_at_the_horizon_is_a_wall() {
+        // A facet of 45 degrees that ends at the horizon of a cylinder of radius 20 mm.
+        let on_cylinder = |angle: f64, y: f64| {
+            let normal = Vector3::new(angle.sin(), 0.0, angle.cos());
+            (Point3::from(normal * 20.0 + Vector3::new(0.0, y, 0.0)), normal)
+        };
+        let corners = [(1.0, 0.0), (0.5, 0.0), (0.5, 30.0)]
+            .map(|(quarters, y)| on_cylinder(quarters * std::f64::consts::FRAC_PI_2, y));
+        let horizon = (Point3::new(20.0, 0.0, 0.0), Vector3::x());
+        let patch = CurvedTriangle::new(
+            [horizon.0, corners[1].0, corners[2].0],
+            [horizon.1, corners[1].1, corners[2].1],
+        );
+        let hit = patch.hit(Vector2::new(20.0, 0.0)).unwrap();
+        assert!(hit.on_patch && hit.steepness() > 1e6, "{hit:?}");
     }
 
     #[test]

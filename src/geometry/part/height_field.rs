@@ -2,13 +2,13 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::adjacency::NONE;
+use super::adjacency::{NONE, turn_in_view};
 use super::curved_triangle::Hit;
 use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::solid::Solid;
 use super::solid::frame::Placement;
-use super::solid::rays::{FaceHit, SeenSolid, Start, first_of};
+use super::solid::rays::{FaceHit, HIDDEN, SeenSolid, Start, first_of};
 use crate::geometry::space::{Extents, View, ViewPoint};
 
 /// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
@@ -22,12 +22,16 @@ const OFFSET: f64 = 0.1;
 /// Nodes round an edge of the part are within this many steps of its height, unless the edge is hidden.
 const NEAR: f64 = 4.0;
 
-/// An edge between normals 90° apart bulges by less than this share of its length.
+/// An edge between normals 90° apart bulges by less than this share of its length …
 const MOST_BULGE: f64 = 0.25;
+/// … and a patch by less than this share of its longest side.
+const HIGHEST_BULGE: f64 = 0.4;
 
 /// A second side of the part that faces the laser closer than this behind the first, mm, is a second skin. Coincident
 /// copies, closer than the second value, are one.
 const SKINS: [f64; 2] = [0.05, 2e-3];
+// A hidden face must not be a second skin.
+const _: () = assert!(HIDDEN > SKINS[0]);
 
 /// What the laser meets at a grid node.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -161,7 +165,7 @@ impl Grid {
     }
 
     /// Where the columns are along x and the rows along y, mm.
-    pub fn lines(&self) -> (Vec<f64>, Vec<f64>) {
+    pub fn coordinates(&self) -> (Vec<f64>, Vec<f64>) {
         let along = |first: f64, count: usize| (0..count).map(|at| first + at as f64 * self.step).collect();
         (along(self.origin.x, self.columns), along(self.origin.y, self.rows))
     }
@@ -289,7 +293,7 @@ impl FacingPart {
             let nodes =
                 |row: usize| row * grid.columns + in_columns.start..row * grid.columns + in_columns.end;
             let is_surely_hidden =
-                |seen: &Option<(u32, Hit)>| is_hidden(seen, highest + longest * MOST_BULGE);
+                |seen: &Option<(u32, Hit)>| is_hidden(seen, highest + longest * HIGHEST_BULGE);
             if in_rows.clone().all(|row| hits[nodes(row)].iter().all(is_surely_hidden)) {
                 return;
             }
@@ -333,10 +337,9 @@ impl FacingPart {
         (hits, doubled)
     }
 
-    /// Twice the area of a triangle in the view, mm²; negative for one that runs clockwise.
+    /// [`turn_in_view`] of a triangle.
     fn turn(&self, triangle: usize) -> f64 {
-        let [a, b, c] = self.mesh.corners(triangle).0.map(|point| point.coords.xy());
-        (b - a).perp(&(c - a))
+        turn_in_view(self.mesh.corners(triangle).0)
     }
 
     /// Whether two triangles that are hit at one node face the same way and have no corner in common.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector2, Vector3};
 
+use super::adjacency::turn_in_view;
 use super::mesh::TriMesh;
 use crate::geometry::space::{Extents, Facing, MarkingFrame, View};
 
@@ -142,7 +143,7 @@ impl Side {
         // What faces the laser comes first: most of it hides what faces away.
         let faces = |upwards: bool| {
             let all = mesh.triangles().iter().zip(corners());
-            all.filter(move |(_, [a, b, c])| ((b - a).xy().perp(&(c - a).xy()) > 0.0) == upwards)
+            all.filter(move |(_, corners)| (turn_in_view(*corners) > 0.0) == upwards)
         };
         for (triangle, corners) in faces(true).chain(faces(false)) {
             let normal_at =

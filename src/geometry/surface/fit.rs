@@ -586,7 +586,7 @@ impl<'a> Data<'a> {
 
 /// The heights of a surface at the nodes of a field, mm.
 fn heights_at_nodes(nurbs: &NurbsSurface, field: &HeightField) -> Vec<f64> {
-    let (xs, ys) = field.grid().lines();
+    let (xs, ys) = field.grid().coordinates();
     nurbs.heights_over(&xs, &ys)
 }
 

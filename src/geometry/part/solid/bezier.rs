@@ -23,21 +23,11 @@ pub fn projected(weighted: &Weighted) -> Point3<f64> {
 
 /// The values of the Bernstein polynomials of a degree at `t`.
 fn bernstein(degree: usize, t: f64) -> [f64; MAX_DEGREE + 1] {
-    let mut values = [0.0; MAX_DEGREE + 1];
-    values[0] = 1.0;
-    for level in 1..=degree {
-        let mut saved = 0.0;
-        for value in values.iter_mut().take(level) {
-            let old = *value;
-            *value = saved + (1.0 - t) * old;
-            saved = t * old;
-        }
-        values[level] = saved;
-    }
+    let [_, values] = two_degrees(degree, t);
     values
 }
 
-/// The same of the degree below, and of this one; there are fewer than `MOST`.
+/// The values of the Bernstein polynomials of the degree below and of this one at `t`; `degree` is less than `MOST`.
 #[inline(always)]
 fn two_degrees<const MOST: usize>(degree: usize, t: f64) -> [[f64; MOST]; 2] {
     let mut values = [0.0; MOST];
@@ -74,13 +64,12 @@ impl BezierCurve {
     /// The point at `t` and its derivative by `t`.
     pub fn jet(&self, t: f64) -> (Point3<f64>, Vector3<f64>) {
         let degree = self.points.len() - 1;
-        let values = bernstein(degree, t);
+        let [lower, values] = two_degrees::<{ MAX_DEGREE + 1 }>(degree, t);
         let sum: Weighted = self.points.iter().zip(values).map(|(point, value)| point * value).sum();
         let at = projected(&sum);
         if degree == 0 {
             return (at, Vector3::zeros());
         }
-        let lower = bernstein(degree - 1, t);
         let pairs = self.points.windows(2).zip(lower);
         let slope: Weighted = pairs.map(|(pair, value)| (pair[1] - pair[0]) * (value * degree as f64)).sum();
         (at, (slope.xyz() - at.coords * slope.w) / sum.w)

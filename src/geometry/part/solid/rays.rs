@@ -15,7 +15,7 @@ use super::{Face, Solid};
 /// their edge, but not exactly the same side of them.
 pub const RIM: f64 = 1e-3;
 /// What is further than this below a place inside a face, mm, is hidden, and no second skin either.
-const HIDDEN: f64 = 0.1;
+pub const HIDDEN: f64 = 0.1;
 /// Parts of a patch are divided down to this share of the part, where the surface folds back in the view.
 const SMALLEST: f64 = 1.0 / 1024.0;
 /// The angle by which the directions of u and v in the view must differ everywhere in a part of a patch, rad.
@@ -215,7 +215,7 @@ impl SeenSolid {
         first_of(&hits)
     }
 
-    /// The numbers of its faces, those first that reach highest, as far as their boundaries show it: they hide others.
+    /// The numbers of its faces, the highest boundary first: those hide the others.
     pub fn from_top(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.faces.len()).collect();
         order.sort_by(|&one, &other| self.faces[other].heights[1].total_cmp(&self.faces[one].heights[1]));
@@ -561,7 +561,7 @@ fn range_of(mut values: impl Iterator<Item = Option<f64>>) -> Option<[f64; 2]> {
 
 impl Part {
     /// Calls `add` with every place at which the axis of the laser meets the part, and whether it is inside the part and not only
-    /// within `rim` of it. `near` is a place in the part that may be near, and becomes the one that is met.
+    /// within `rim` of it. `near` is a guess at its place in the part, and is replaced by the one that is found.
     fn meet(
         &self,
         at: Vector2<f64>,
@@ -583,7 +583,7 @@ impl Part {
             let [u, v] = self.range;
             Vector2::new(u[0] + (u[1] - u[0]) * s, v[0] + (v[1] - v[0]) * t)
         };
-        // Beyond the patch, as it continues, there may be another place.
+        // The continuation of the patch may pass here a second time; only a place inside counts.
         let is_inside = |place: &[f64; 2]| place.iter().all(|value| (0.0..=1.0).contains(value));
         let first = near.take().and_then(|start| newton(&self.patch, at, start));
         let first = first.filter(|(place, _)| is_inside(place));
@@ -591,10 +591,10 @@ impl Part {
             && let Some(([s, t], jet)) = first.or_else(|| newton(&self.patch, at, [0.5; 2]))
         {
             let (s_in, t_in) = (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0));
-            *near = Some([s_in, t_in]);
             if (s - s_in).abs() <= 1e-9 && (t - t_in).abs() <= 1e-9 {
-                let met = Met::at(jet.point.z, parameters(s_in, t_in));
-                add(Met { normal: unit_normal(&jet), ..met }, true);
+                *near = Some([s_in, t_in]);
+                let (height, normal) = (jet.point.z, unit_normal(&jet));
+                add(Met { height, parameters: parameters(s_in, t_in), normal }, true);
                 return;
             }
             // Just beyond an end of the surface, its end is met.
