@@ -182,8 +182,10 @@ fn measure_with(
     }
     match relief {
         None => {
+            let mut corners = SharedCorners::default();
             for square in &ink.squares {
-                distortion.include(&Square::measure(*square, ink.side, lift, &doubt, &spread)?, 1.0);
+                let corners = corners.of(*square, ink.side, lift)?;
+                distortion.include(&Square::between(corners, ink.side, &doubt, &spread), 1.0);
             }
         }
         Some(relief) => measure_blocks(ink, relief, &map, lift, doubt, &mut distortion)?,
@@ -245,9 +247,17 @@ impl Square {
         doubt: impl Fn(ViewPoint) -> Uncertainty,
         spread: &Spread,
     ) -> Result<Self, ViewPoint> {
-        let half = side / 2.0;
-        let corner = |x: f64, y: f64| lift(FlatPoint::new(center.x + x * half, center.y + y * half));
-        let [a, b, c, d] = [corner(-1.0, -1.0)?, corner(1.0, -1.0)?, corner(1.0, 1.0)?, corner(-1.0, 1.0)?];
+        let [a, b, c, d] = corners_of(center, side);
+        Ok(Self::between([lift(a)?, lift(b)?, lift(c)?, lift(d)?], side, doubt, spread))
+    }
+
+    /// The square between the images of its corners, anticlockwise from the lower left one.
+    fn between(
+        [a, b, c, d]: [Point3<f64>; 4],
+        side: f64,
+        doubt: impl Fn(ViewPoint) -> Uncertainty,
+        spread: &Spread,
+    ) -> Self {
         let area = ((b - a).cross(&(c - a)).norm() + (c - a).cross(&(d - a)).norm()) / 2.0;
         let drawn = side * side;
         let across = (b - a) + (c - d);
@@ -256,7 +266,68 @@ impl Square {
         let mean = area * share(tilt(&across, &up), doubt);
         let error = (area - drawn).abs();
         let uncertain = mean * spread.times_mean(doubt);
-        Ok(Self { error, uncertain, stretch: (error + PEAK * mean) / drawn, across, up, doubt })
+        Self { error, uncertain, stretch: (error + PEAK * mean) / drawn, across, up, doubt }
+    }
+}
+
+/// The corners of a square, anticlockwise from the lower left one.
+fn corners_of(center: FlatPoint, side: f64) -> [FlatPoint; 4] {
+    let half = side / 2.0;
+    let corner = |x: f64, y: f64| FlatPoint::new(center.x + x * half, center.y + y * half);
+    [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]
+}
+
+/// A corner of a square with its image on the part.
+type Corner = (FlatPoint, Point3<f64>);
+
+/// The images of the corners of squares that follow row by row. A corner that has exactly the same coordinates in a neighbour is
+/// lifted once.
+#[derive(Default)]
+struct SharedCorners {
+    /// The right corners of the last square: the lower one and the upper one.
+    right: Option<[Corner; 2]>,
+    /// The upper corners of the last row, from left to right.
+    below: Vec<Corner>,
+    /// The first of them that is not to the left of the last square.
+    next: usize,
+    /// The upper corners of this row.
+    above: Vec<Corner>,
+}
+
+impl SharedCorners {
+    /// The images of the corners of a square, anticlockwise from the lower left one.
+    ///
+    /// # Errors
+    /// Those of `lift`.
+    fn of<E>(
+        &mut self,
+        center: FlatPoint,
+        side: f64,
+        lift: impl Fn(FlatPoint) -> Result<Point3<f64>, E>,
+    ) -> Result<[Point3<f64>; 4], E> {
+        let flat @ [a, b, c, d] = corners_of(center, side);
+        if self.right.is_none_or(|[lower, _]| lower.0.y != a.y) {
+            std::mem::swap(&mut self.below, &mut self.above);
+            self.above.clear();
+            self.next = 0;
+        }
+        let image_of = |corners: &[Corner], flat: FlatPoint| {
+            corners.iter().find(|(of, _)| *of == flat).map(|(_, image)| *image)
+        };
+        let beside = |flat: FlatPoint| self.right.and_then(|right| image_of(&right, flat));
+        let is_left = |place: FlatPoint| move |(of, _): &&Corner| of.x < place.x;
+        self.next += self.below[self.next..].iter().take_while(is_left(a)).count();
+        // At most the two corners of this square and those of its neighbours, a rounding error away.
+        let below = &self.below[self.next..];
+        let below = &below[..below.len().min(4)];
+        let known = [beside(a).or_else(|| image_of(below, a)), image_of(below, b), None, beside(d)];
+        let mut images = [Point3::origin(); 4];
+        for ((image, known), flat) in images.iter_mut().zip(known).zip(flat) {
+            *image = known.map_or_else(|| lift(flat), Ok)?;
+        }
+        self.right = Some([(b, images[1]), (c, images[2])]);
+        self.above.extend([(d, images[3]), (c, images[2])]);
+        Ok(images)
     }
 }
 
