@@ -238,9 +238,12 @@ impl Data {
         Some(described)
     }
 
-    fn accessor(&mut self, block: Block, offset: usize, described: Value) -> usize {
+    /// Adds numbers to a block, and an accessor that reads them; returns its number.
+    fn add(&mut self, block: Block, numbers: &[u8], described: Value) -> usize {
+        let bytes = &mut self.blocks[block as usize];
         let mut described = described;
-        described["byteOffset"] = offset.into();
+        described["byteOffset"] = bytes.len().into();
+        bytes.extend_from_slice(numbers);
         self.accessors.push((block, described));
         self.accessors.len() - 1
     }
@@ -252,21 +255,18 @@ impl Data {
         convert: fn([f32; 3]) -> [f32; 3],
         mut visit: impl FnMut(&[f32; 3]),
     ) -> usize {
-        let bytes = &mut self.blocks[Block::Vectors as usize];
-        let offset = bytes.len();
-        bytes.resize(offset + vectors.len() * 12, 0);
-        for (bytes, vector) in bytes[offset..].chunks_exact_mut(12).zip(vectors) {
+        let mut bytes: Vec<[u8; 12]> = Vec::with_capacity(vectors.len());
+        for vector in vectors {
             let vector = convert(*vector);
             visit(&vector);
-            bytes[..4].copy_from_slice(&vector[0].to_le_bytes());
-            bytes[4..8].copy_from_slice(&vector[1].to_le_bytes());
-            bytes[8..].copy_from_slice(&vector[2].to_le_bytes());
+            let mut all = [0; 12];
+            all[..4].copy_from_slice(&vector[0].to_le_bytes());
+            all[4..8].copy_from_slice(&vector[1].to_le_bytes());
+            all[8..].copy_from_slice(&vector[2].to_le_bytes());
+            bytes.push(all);
         }
-        self.accessor(
-            Block::Vectors,
-            offset,
-            json!({ "componentType": FLOAT, "count": vectors.len(), "type": "VEC3" }),
-        )
+        let described = json!({ "componentType": FLOAT, "count": vectors.len(), "type": "VEC3" });
+        self.add(Block::Vectors, bytes.as_flattened(), described)
     }
 
     fn positions(&mut self, points: &[[f32; 3]]) -> usize {
@@ -282,18 +282,18 @@ impl Data {
     }
 
     fn colors(&mut self, colors: &[[u8; 3]]) -> usize {
-        let bytes = &mut self.blocks[Block::Colors as usize];
-        let offset = bytes.len();
-        bytes.resize(offset + colors.len() * 8, u8::MAX);
-        for (bytes, color) in bytes[offset..].chunks_exact_mut(8).zip(colors) {
-            for (bytes, channel) in bytes.chunks_exact_mut(2).zip(color) {
-                bytes.copy_from_slice(&LIGHT[usize::from(*channel)].to_le_bytes());
+        let light = &*LIGHT;
+        let mut bytes: Vec<[u8; 2]> = Vec::with_capacity(colors.len() * 4);
+        for color in colors {
+            for channel in color {
+                bytes.push(light[usize::from(*channel)].to_le_bytes());
             }
+            bytes.push(u16::MAX.to_le_bytes());
         }
         let described = json!({
             "componentType": UNSIGNED_SHORT, "normalized": true, "count": colors.len(), "type": "VEC4",
         });
-        self.accessor(Block::Colors, offset, described)
+        self.add(Block::Colors, bytes.as_flattened(), described)
     }
 
     fn indices(&mut self, indices: &[u32], vertices: usize) -> usize {
@@ -302,27 +302,23 @@ impl Data {
             true => (Block::ShortIndices, UNSIGNED_SHORT),
             false => (Block::LongIndices, UNSIGNED_INT),
         };
-        let bytes = &mut self.blocks[block as usize];
-        let offset = bytes.len();
+        let described = json!({ "componentType": kind, "count": indices.len(), "type": "SCALAR" });
         match block {
             Block::ShortIndices => {
-                bytes.resize(offset + indices.len() * 2, 0);
-                for (bytes, index) in bytes[offset..].chunks_exact_mut(2).zip(indices) {
-                    bytes.copy_from_slice(&(*index as u16).to_le_bytes());
+                let mut bytes: Vec<[u8; 2]> = Vec::with_capacity(indices.len());
+                for index in indices {
+                    bytes.push((*index as u16).to_le_bytes());
                 }
+                self.add(block, bytes.as_flattened(), described)
             }
             _ => {
-                bytes.resize(offset + indices.len() * 4, 0);
-                for (bytes, index) in bytes[offset..].chunks_exact_mut(4).zip(indices) {
-                    bytes.copy_from_slice(&index.to_le_bytes());
+                let mut bytes: Vec<[u8; 4]> = Vec::with_capacity(indices.len());
+                for index in indices {
+                    bytes.push(index.to_le_bytes());
                 }
+                self.add(block, bytes.as_flattened(), described)
             }
         }
-        self.accessor(
-            block,
-            offset,
-            json!({ "componentType": kind, "count": indices.len(), "type": "SCALAR" }),
-        )
     }
 
     /// Writes the blocks one after another; returns the views of the buffer, and the accessors.
