@@ -280,8 +280,7 @@ fn corners_of(center: FlatPoint, side: f64) -> [FlatPoint; 4] {
 /// A corner of a square with its image on the part.
 type Corner = (FlatPoint, Point3<f64>);
 
-/// The images of the corners of squares that follow row by row. A corner that has exactly the same coordinates in a neighbour is
-/// lifted once.
+/// The images of the corners of squares that follow row by row. Neighbours share corners: those at one place are lifted once.
 #[derive(Default)]
 struct SharedCorners {
     /// The right corners of the last square: the lower one and the upper one.
@@ -294,6 +293,9 @@ struct SharedCorners {
     above: Vec<Corner>,
 }
 
+/// Corners closer than this share of the side are at one place; they differ by rounding.
+const SAME_CORNER: f64 = 1e-9;
+
 impl SharedCorners {
     /// The images of the corners of a square, anticlockwise from the lower left one.
     ///
@@ -305,28 +307,32 @@ impl SharedCorners {
         side: f64,
         lift: impl Fn(FlatPoint) -> Result<Point3<f64>, E>,
     ) -> Result<[Point3<f64>; 4], E> {
-        let flat @ [a, b, c, d] = corners_of(center, side);
+        let [a, b, c, d] = corners_of(center, side);
         if self.right.is_none_or(|[lower, _]| lower.0.y != a.y) {
             std::mem::swap(&mut self.below, &mut self.above);
             self.above.clear();
             self.next = 0;
         }
-        let image_of = |corners: &[Corner], flat: FlatPoint| {
-            corners.iter().find(|(of, _)| *of == flat).map(|(_, image)| *image)
+        let near = SAME_CORNER * side;
+        let is_at =
+            |of: FlatPoint, flat: FlatPoint| (of.x - flat.x).abs() < near && (of.y - flat.y).abs() < near;
+        let known = |corner: Option<&Corner>, flat: FlatPoint| {
+            corner.filter(|(of, _)| is_at(*of, flat)).map(|(_, image)| *image)
         };
-        let beside = |flat: FlatPoint| self.right.and_then(|right| image_of(&right, flat));
-        let is_left = |place: FlatPoint| move |(of, _): &&Corner| of.x < place.x;
-        self.next += self.below[self.next..].iter().take_while(is_left(a)).count();
-        // At most the two corners of this square and those of its neighbours, a rounding error away.
-        let below = &self.below[self.next..];
-        let below = &below[..below.len().min(4)];
-        let known = [beside(a).or_else(|| image_of(below, a)), image_of(below, b), None, beside(d)];
-        let mut images = [Point3::origin(); 4];
-        for ((image, known), flat) in images.iter_mut().zip(known).zip(flat) {
-            *image = known.map_or_else(|| lift(flat), Ok)?;
+        let beside =
+            |index: usize, flat: FlatPoint| known(self.right.as_ref().map(|right| &right[index]), flat);
+        self.next += self.below[self.next..].iter().take_while(|(of, _)| of.x < a.x - near).count();
+        let below = |index: usize, flat: FlatPoint| known(self.below.get(self.next + index), flat);
+        let left = below(0, a);
+        let right = below(usize::from(left.is_some()), b);
+        let (left, upper_left) = (beside(0, a).or(left), beside(1, d));
+        let lifted = |known: Option<Point3<f64>>, flat: FlatPoint| known.map_or_else(|| lift(flat), Ok);
+        let images = [lifted(left, a)?, lifted(right, b)?, lift(c)?, lifted(upper_left, d)?];
+        if upper_left.is_none() {
+            self.above.push((d, images[3]));
         }
+        self.above.push((c, images[2]));
         self.right = Some([(b, images[1]), (c, images[2])]);
-        self.above.extend([(d, images[3]), (c, images[2])]);
         Ok(images)
     }
 }
@@ -655,6 +661,7 @@ fn angle_error(across: &Vector3<f64>, up: &Vector3<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
     use std::f64::consts::TAU;
 
     use super::*;
@@ -691,6 +698,28 @@ mod tests {
         ] {
             assert!(stretch >= truth && stretch < 1.01 * truth, "{stretch} for {truth}");
         }
+    }
+
+    #[test]
+    fn a_corner_of_several_squares_is_lifted_once_and_changes_no_result() {
+        let mut ink = Ink::sample(&Pattern::outline(3.0), |_| true, PIECE, SQUARE);
+        ink.pieces.clear();
+        let lifts = Cell::new(0);
+        let area_error = |squares: Vec<FlatPoint>| {
+            let map = |at: FlatPoint| {
+                lifts.set(lifts.get() + 1);
+                ViewPoint::new(1.1 * at.x, at.y)
+            };
+            let ink = Ink { squares, ..ink.clone() };
+            measure(&ink, map, |at| Some(0.1 * at.x * at.y)).unwrap().area_error
+        };
+        area_error(ink.squares.clone());
+        assert_eq!((ink.squares.len(), lifts.get()), (30 * 30, 31 * 31));
+        // Rows with gaps, and squares that are no neighbours.
+        let is_kept = |at: &&FlatPoint| at.distance(FlatPoint::new(0.3, -0.4)) > 1.0 && at.x.sin() < 0.9;
+        let kept: Vec<FlatPoint> = ink.squares.iter().filter(is_kept).copied().collect();
+        let alone: f64 = kept.iter().map(|square| area_error(vec![*square])).sum();
+        assert!((area_error(kept) - alone).abs() < 1e-12 * alone);
     }
 
     /// Ribs with straight flanks of slope 0.2, 40 mm long, over a length along x, mm, as a mesh with the normals of its facets.
