@@ -170,7 +170,8 @@ pub enum EntryState {
     Damaged(String),
 }
 
-#[derive(Serialize, Deserialize)]
+/// What a kept surface holds; [`decode`] reads the fields in this order.
+#[derive(Serialize)]
 struct Record {
     origin: PartOrigin,
     /// As JSON: facts may gain fields, which postcard could not skip.
@@ -308,8 +309,7 @@ impl Cache {
     #[must_use]
     pub fn picture_mesh(&self, sku: &Sku, key: &CacheKey) -> Option<PictureMesh> {
         let bytes = read_if_there(&self.file(sku, key, "mesh")).ok().flatten()?;
-        let record: MeshRecord = opened(&bytes, MESH_MAGIC).ok()?;
-        PictureMesh::new(record.positions, record.normals, record.triangles, record.source_triangles)
+        decode_mesh(&bytes)
     }
 
     /// Whether a mesh for pictures is kept beside a surface.
@@ -355,10 +355,7 @@ impl Cache {
             Ok(_) => return Ok(Err("it is the surface of another part".into())),
             Err(what) => return Ok(Err(what)),
         };
-        let mesh = mesh.and_then(|bytes| opened(bytes, MESH_MAGIC).ok()).and_then(|record: MeshRecord| {
-            PictureMesh::new(record.positions, record.normals, record.triangles, record.source_triangles)
-        });
-        self.keep(sku, key, &kept, mesh.as_ref()).map(Ok)
+        self.keep(sku, key, &kept, mesh.and_then(decode_mesh).as_ref()).map(Ok)
     }
 
     fn file(&self, sku: &Sku, key: &CacheKey, ending: &str) -> PathBuf {
@@ -595,8 +592,8 @@ fn sealed(record: &impl Serialize, magic: &[u8; 12]) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The record in the bytes, if they are undamaged and of this version.
-fn opened<T: for<'de> Deserialize<'de>>(bytes: &[u8], magic: &[u8; 12]) -> Result<T, String> {
+/// The body in the bytes, if they are undamaged and of this version.
+fn opened<'a>(bytes: &'a [u8], magic: &[u8; 12]) -> Result<Body<'a>, String> {
     let (Some(header), Some(body)) = (bytes.get(..HEADER), bytes.get(HEADER..)) else {
         return Err(format!("the file is truncated: {} bytes", bytes.len()));
     };
@@ -606,43 +603,84 @@ fn opened<T: for<'de> Deserialize<'de>>(bytes: &[u8], magic: &[u8; 12]) -> Resul
     if header[MAGIC.len() + 4..] != *blake3::hash(body).as_bytes() {
         return Err("the checksum does not match the content".into());
     }
-    postcard::from_bytes(body).map_err(|error| format!("the body cannot be read: {error}"))
+    Ok(Body(body))
+}
+
+/// What is not read yet of a body.
+struct Body<'a>(&'a [u8]);
+
+impl<'a> Body<'a> {
+    fn next<T: Deserialize<'a>>(&mut self) -> Result<T, String> {
+        let unreadable = |error| format!("the body cannot be read: {error}");
+        let (value, rest) = postcard::take_from_bytes(self.0).map_err(unreadable)?;
+        self.0 = rest;
+        Ok(value)
+    }
+
+    /// A list whose elements have `SIZE` bytes each, without looking at every element: in postcard, the length is followed by the
+    /// elements, and floating-point numbers are little-endian.
+    fn list<const SIZE: usize>(&mut self) -> Result<&'a [[u8; SIZE]], String> {
+        let length: usize = self.next()?;
+        let split = length.checked_mul(SIZE).and_then(|bytes| self.0.split_at_checked(bytes));
+        let (list, rest) = split.ok_or("the body cannot be read: a list is truncated")?;
+        self.0 = rest;
+        Ok(list.as_chunks().0)
+    }
+
+    fn numbers(&mut self) -> Result<Vec<f64>, String> {
+        Ok(self.list()?.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
+    }
 }
 
 fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
-    let record: Record = opened(bytes, MAGIC)?;
+    let mut body = opened(bytes, MAGIC)?;
+    let origin = body.next()?;
     let facts: PartFacts =
-        serde_json::from_str(&record.facts).map_err(|error| format!("the facts cannot be read: {error}"))?;
-    let knots = |(start, step, spans): (f64, f64, usize)| UniformKnots::new(start, step, spans);
-    let is_valid = |(_, step, spans): (f64, f64, usize)| step > 0.0 && (1..1_000_000).contains(&spans);
-    if !is_valid(record.knots_x) || !is_valid(record.knots_y) {
-        return Err("invalid knot vector".into());
-    }
-    let mut heights = record.node_heights.into_iter();
-    let mut next = || heights.next().unwrap_or(f64::NAN);
-    let node = |kind: u8| match kind {
+        serde_json::from_str(body.next()?).map_err(|error| format!("the facts cannot be read: {error}"))?;
+    let mut knots = || -> Result<UniformKnots, String> {
+        let (start, step, spans): (f64, f64, usize) = body.next()?;
+        let is_valid = step > 0.0 && (1..1_000_000).contains(&spans);
+        is_valid.then(|| UniformKnots::new(start, step, spans)).ok_or_else(|| "invalid knot vector".into())
+    };
+    let (knots_x, knots_y) = (knots()?, knots()?);
+    let heights = body.numbers()?;
+    let (origin_of_field, step): ([f64; 2], f64) = (body.next()?, body.next()?);
+    let (columns, rows) = (body.next()?, body.next()?);
+    let kinds: &[[u8; 1]] = body.list()?;
+    let mut known = body.list()?.iter().map(|bytes| f64::from_le_bytes(*bytes));
+    let mut next = || known.next().unwrap_or(f64::NAN);
+    let node = |[kind]: &[u8; 1]| match kind {
         0 => Node::Empty,
         1 => Node::Wall(next()),
         _ => Node::Surface(next()),
     };
-    let nodes: Vec<Node> = record.node_kinds.into_iter().map(node).collect();
-    let nurbs = NurbsSurface::new(knots(record.knots_x), knots(record.knots_y), record.heights);
-    let origin = Vector2::from(record.field_origin);
-    let field = HeightField::new(origin, record.field_step, record.field_columns, record.field_rows, nodes);
+    let nodes: Vec<Node> = kinds.iter().map(node).collect();
+    let doubts = body.numbers()?;
+    let uncertainty = |[a, b, c, d, height @ ..]: &[u8; 8]| Uncertainty {
+        slope: f32::from_le_bytes([*a, *b, *c, *d]),
+        height: f32::from_le_bytes(*height),
+    };
+    let uncertainties = body.list()?.iter().map(uncertainty).collect();
+    let mark: Vec<f32> = body.list()?.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    let nurbs = NurbsSurface::new(knots_x, knots_y, heights);
+    let field = HeightField::new(Vector2::from(origin_of_field), step, columns, rows, nodes);
     let (Some(nurbs), Some(field)) = (nurbs, field) else {
         return Err("the sizes of the grids do not match".into());
     };
-    let uncertainties = record.uncertainties.into_iter();
-    let uncertainties = uncertainties.map(|(slope, height)| Uncertainty { slope, height }).collect();
-    let mark = match record.mark.is_empty() {
+    let mark = match mark.is_empty() {
         true => None,
         false => {
-            let region = MarkRegion::with_distances(&field, record.mark);
+            let region = MarkRegion::with_distances(&field, mark);
             Some(region.ok_or_else(|| "the sizes of the grids do not match".to_owned())?)
         }
     };
-    let surface = FittedSurface::compare(nurbs, field).doubted(record.doubts, uncertainties);
-    Ok(CachedSurface { origin: record.origin, surface: surface.with_known(facts.known_forms()), facts, mark })
+    let surface = FittedSurface::compare(nurbs, field).doubted(doubts, uncertainties);
+    Ok(CachedSurface { origin, surface: surface.with_known(facts.known_forms()), facts, mark })
+}
+
+fn decode_mesh(bytes: &[u8]) -> Option<PictureMesh> {
+    let record: MeshRecord = opened(bytes, MESH_MAGIC).and_then(|mut body| body.next()).ok()?;
+    PictureMesh::new(record.positions, record.normals, record.triangles, record.source_triangles)
 }
 
 #[cfg(test)]

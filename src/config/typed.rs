@@ -80,10 +80,13 @@ pub fn setting_names() -> &'static [String] {
 
 /// Table and key of a setting that exists.
 fn known<'a>(option: &str, name: &'a str) -> Result<(&'a str, &'a str), ConfigError> {
-    let names = setting_names();
-    if let Some(parts) = name.split_once('.').filter(|_| names.iter().any(|known| known == name)) {
+    let has = |names: &[String], name: &str| names.iter().any(|known| known == name);
+    let exists = |(table, key): &(&str, &str)| has(&keys_of(None), table) && has(&keys_of(Some(table)), key);
+    // Not all names of settings: to collect them takes longer than to read a drawing.
+    if let Some(parts) = name.split_once('.').filter(exists) {
         return Ok(parts);
     }
+    let names = setting_names();
     let (table, key) = name.split_once('.').unwrap_or(("", name));
     let in_table: Vec<&String> =
         names.iter().filter(|known| known.split_once('.').is_some_and(|(other, _)| other == table)).collect();

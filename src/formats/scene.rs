@@ -3,6 +3,8 @@
 //! Values are in mm with +Z up, as everywhere in isomark; the file is in metres with +Y up, as glTF requires, so a part that
 //! was read from a glTF keeps its place.
 
+use std::sync::LazyLock;
+
 use serde_json::{Value, json};
 
 /// A scene: a root node and its children.
@@ -169,15 +171,22 @@ fn linear(channel: u8) -> f64 {
     (light * 1e5).round() / 1e5
 }
 
+/// The light of each channel of sRGB, of which 65,535 is 1.
+static LIGHT: LazyLock<[u16; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|channel| (linear(channel as u8) * f64::from(u16::MAX)).round() as u16)
+});
+
 /// A vector of isomark with the axes of glTF.
 fn turned([x, y, z]: [f32; 3]) -> [f32; 3] {
     // Adding 0 turns -0 into 0.
-    [x, z, -y].map(|value| value + 0.0)
+    [x + 0.0, z + 0.0, -y + 0.0]
 }
 
 /// A point of isomark, mm, as a point of glTF, m.
 fn placed(point: [f32; 3]) -> [f32; 3] {
-    turned(point).map(|value| (f64::from(value) / 1000.0) as f32)
+    let metres = |value: f32| (f64::from(value) / 1000.0) as f32;
+    let [x, y, z] = turned(point);
+    [metres(x), metres(y), metres(z)]
 }
 
 /// A part of the buffer in which all data have the same layout.
@@ -202,20 +211,20 @@ struct Data {
 impl Data {
     /// The description of a primitive, whose numbers are added; `None` if it shows nothing.
     fn primitive(&mut self, primitive: &Primitive, material: usize) -> Option<Value> {
-        let (mode, positions, indices): (u32, &[[f32; 3]], Vec<u32>) = match primitive {
+        let (mode, positions, indices): (u32, &[[f32; 3]], &[u32]) = match primitive {
             Primitive::Triangles { positions, triangles, .. } if !triangles.is_empty() => {
-                (TRIANGLES, positions, triangles.concat())
+                (TRIANGLES, positions, triangles.as_flattened())
             }
             Primitive::Lines { positions, lines, .. } if !lines.is_empty() => {
-                (LINES, positions, lines.concat())
+                (LINES, positions, lines.as_flattened())
             }
-            Primitive::Strip { positions, .. } if positions.len() > 1 => (LINE_STRIP, positions, Vec::new()),
+            Primitive::Strip { positions, .. } if positions.len() > 1 => (LINE_STRIP, positions, &[]),
             _ => return None,
         };
         let mut attributes = json!({ "POSITION": self.positions(positions) });
         match primitive {
             Primitive::Triangles { normals, .. } if !normals.is_empty() => {
-                attributes["NORMAL"] = self.vectors(normals.iter().copied().map(turned)).into();
+                attributes["NORMAL"] = self.vectors(normals, turned, |_| {}).into();
             }
             Primitive::Strip { colors, .. } | Primitive::Lines { colors, .. } if !colors.is_empty() => {
                 attributes["COLOR_0"] = self.colors(colors).into();
@@ -224,54 +233,67 @@ impl Data {
         }
         let mut described = json!({ "attributes": attributes, "mode": mode, "material": material });
         if !indices.is_empty() {
-            described["indices"] = self.indices(&indices, positions.len()).into();
+            described["indices"] = self.indices(indices, positions.len()).into();
         }
         Some(described)
     }
 
-    fn accessor(&mut self, block: Block, offset: usize, described: Value) -> usize {
+    /// Adds numbers to a block, and an accessor that reads them; returns its number.
+    fn add(&mut self, block: Block, numbers: &[u8], described: Value) -> usize {
+        let bytes = &mut self.blocks[block as usize];
         let mut described = described;
-        described["byteOffset"] = offset.into();
+        described["byteOffset"] = bytes.len().into();
+        bytes.extend_from_slice(numbers);
         self.accessors.push((block, described));
         self.accessors.len() - 1
     }
 
-    fn vectors(&mut self, vectors: impl ExactSizeIterator<Item = [f32; 3]>) -> usize {
-        let bytes = &mut self.blocks[Block::Vectors as usize];
-        let (offset, count) = (bytes.len(), vectors.len());
-        bytes.reserve(count * 12);
-        vectors.flatten().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes()));
-        self.accessor(
-            Block::Vectors,
-            offset,
-            json!({ "componentType": FLOAT, "count": count, "type": "VEC3" }),
-        )
+    /// Adds vectors as `convert` returns them; calls `visit` with each.
+    fn vectors(
+        &mut self,
+        vectors: &[[f32; 3]],
+        convert: fn([f32; 3]) -> [f32; 3],
+        mut visit: impl FnMut(&[f32; 3]),
+    ) -> usize {
+        let mut bytes: Vec<[u8; 12]> = Vec::with_capacity(vectors.len());
+        for vector in vectors {
+            let vector = convert(*vector);
+            visit(&vector);
+            let mut all = [0; 12];
+            all[..4].copy_from_slice(&vector[0].to_le_bytes());
+            all[4..8].copy_from_slice(&vector[1].to_le_bytes());
+            all[8..].copy_from_slice(&vector[2].to_le_bytes());
+            bytes.push(all);
+        }
+        let described = json!({ "componentType": FLOAT, "count": vectors.len(), "type": "VEC3" });
+        self.add(Block::Vectors, bytes.as_flattened(), described)
     }
 
     fn positions(&mut self, points: &[[f32; 3]]) -> usize {
         let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for point in points.iter().copied().map(placed) {
+        let accessor = self.vectors(points, placed, |point| {
             for axis in 0..3 {
                 (min[axis], max[axis]) = (min[axis].min(point[axis]), max[axis].max(point[axis]));
             }
-        }
-        let accessor = self.vectors(points.iter().copied().map(placed));
+        });
         let described = &mut self.accessors[accessor].1;
         (described["min"], described["max"]) = (json!(min), json!(max));
         accessor
     }
 
     fn colors(&mut self, colors: &[[u8; 3]]) -> usize {
-        let bytes = &mut self.blocks[Block::Colors as usize];
-        let offset = bytes.len();
+        let light = &*LIGHT;
+        let mut bytes: Vec<[u8; 2]> = Vec::with_capacity(colors.len() * 4);
         for color in colors {
-            let channels = color.map(|channel| (linear(channel) * f64::from(u16::MAX)).round() as u16);
-            bytes.extend(channels.into_iter().chain([u16::MAX]).flat_map(u16::to_le_bytes));
+            for channel in color {
+                bytes.push(light[usize::from(*channel)].to_le_bytes());
+            }
+            bytes.push(u16::MAX.to_le_bytes());
         }
         let described = json!({
             "componentType": UNSIGNED_SHORT, "normalized": true, "count": colors.len(), "type": "VEC4",
         });
-        self.accessor(Block::Colors, offset, described)
+        self.add(Block::Colors, bytes.as_flattened(), described)
     }
 
     fn indices(&mut self, indices: &[u32], vertices: usize) -> usize {
@@ -280,23 +302,23 @@ impl Data {
             true => (Block::ShortIndices, UNSIGNED_SHORT),
             false => (Block::LongIndices, UNSIGNED_INT),
         };
-        let bytes = &mut self.blocks[block as usize];
-        let offset = bytes.len();
+        let described = json!({ "componentType": kind, "count": indices.len(), "type": "SCALAR" });
         match block {
             Block::ShortIndices => {
-                bytes.reserve(indices.len() * 2);
-                indices.iter().for_each(|index| bytes.extend_from_slice(&(*index as u16).to_le_bytes()));
+                let mut bytes: Vec<[u8; 2]> = Vec::with_capacity(indices.len());
+                for index in indices {
+                    bytes.push((*index as u16).to_le_bytes());
+                }
+                self.add(block, bytes.as_flattened(), described)
             }
             _ => {
-                bytes.reserve(indices.len() * 4);
-                indices.iter().for_each(|index| bytes.extend_from_slice(&index.to_le_bytes()));
+                let mut bytes: Vec<[u8; 4]> = Vec::with_capacity(indices.len());
+                for index in indices {
+                    bytes.push(index.to_le_bytes());
+                }
+                self.add(block, bytes.as_flattened(), described)
             }
         }
-        self.accessor(
-            block,
-            offset,
-            json!({ "componentType": kind, "count": indices.len(), "type": "SCALAR" }),
-        )
     }
 
     /// Writes the blocks one after another; returns the views of the buffer, and the accessors.

@@ -76,7 +76,17 @@ impl Pipeline {
             drawn,
             mark,
             ink: FlatMesh::of_ink(&marked.ink, MAX_INK_POINTS).map(|flat| {
-                let image = |flat| view.part_point(raise(landing(flat), INK_LIFT));
+                let lifted = |flat| match marked.is_round {
+                    true => raise(landing(flat), INK_LIFT),
+                    // Height and normal of the surface from one evaluation: there are thousands of points.
+                    false => {
+                        let at = marked.map.point(flat);
+                        let jet = surface.jet(at);
+                        let on_part = Point3::new(at.x, at.y, jet.height + surface.difference(at));
+                        on_part + outwards(jet.gradient) * INK_LIFT
+                    }
+                };
+                let image = |flat| view.part_point(lifted(flat));
                 let (positions, triangles) = flat.draped(&image, MAX_INK_VERTICES);
                 InkMesh { positions, triangles }
             }),
@@ -140,6 +150,10 @@ fn lines(
 
 /// A point of the surface, moved towards the outside by `distance` mm.
 fn raised(surface: &FittedSurface, point: Point3<f64>, distance: f64) -> Point3<f64> {
-    let gradient = surface.jet(ViewPoint::new(point.x, point.y)).gradient;
-    point + Vector3::new(-gradient.x, -gradient.y, 1.0).normalize() * distance
+    point + outwards(surface.jet(ViewPoint::new(point.x, point.y)).gradient) * distance
+}
+
+/// The unit normal of a surface with this gradient, towards the laser.
+fn outwards(gradient: Vector2<f64>) -> Vector3<f64> {
+    Vector3::new(-gradient.x, -gradient.y, 1.0).normalize()
 }

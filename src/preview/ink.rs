@@ -125,7 +125,11 @@ fn joined<const AXES: usize>(lines: &[Line<AXES>], chord: f64) -> Vec<Line<AXES>
 }
 
 fn distance<const AXES: usize>(a: [f64; AXES], b: [f64; AXES]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (b - a) * (b - a)).sum::<f64>().sqrt()
+    let mut square = 0.0;
+    for axis in 0..AXES {
+        square += (b[axis] - a[axis]) * (b[axis] - a[axis]);
+    }
+    square.sqrt()
 }
 
 #[cfg(test)]

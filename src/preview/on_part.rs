@@ -175,10 +175,13 @@ fn strips(lines: &[Line<3>], scale: &StretchScale) -> Vec<Strip> {
 /// A line with the colour of the stretch round each of its points.
 fn strip(line: &Line<3>, scale: &StretchScale) -> Strip {
     let color = |index: usize| {
-        let around = [index.checked_sub(1), Some(index)];
-        let known = around.into_iter().flatten().filter_map(|piece| line.stretch.get(piece)).copied();
-        let known: Vec<f64> = known.filter(|stretch| stretch.is_finite()).collect();
-        rgb(scale.shade(known.iter().sum::<f64>() / known.len() as f64))
+        let (mut sum, mut known) = (0.0, 0);
+        for stretch in line.stretch.iter().take(index + 1).skip(index.saturating_sub(1)) {
+            if stretch.is_finite() {
+                (sum, known) = (sum + stretch, known + 1);
+            }
+        }
+        rgb(scale.shade(sum / f64::from(known)))
     };
     Strip {
         positions: line.points.iter().map(single).collect(),

@@ -1,6 +1,6 @@
 //! The page: SVG elements with fixed number formatting, so that equal previews have equal bytes.
 
-use std::fmt::Arguments;
+use std::fmt::{Arguments, Write};
 
 use crate::printable::on_one_line;
 
@@ -97,8 +97,8 @@ fn words(text: &str) -> Vec<String> {
 impl Page {
     /// Adds an element without escaping.
     pub(super) fn add(&mut self, element: Arguments<'_>) {
-        self.body.push_str(&element.to_string());
-        self.body.push('\n');
+        // Writing into a String cannot fail.
+        let _ = writeln!(self.body, "{element}");
     }
 
     /// Adds text with its baseline at (x, y), anchored as the style says.
@@ -247,14 +247,18 @@ fn push_thousandths(text: &mut String, thousandths: i64) {
         text.push('-');
     }
     let magnitude = thousandths.unsigned_abs();
-    let (whole, rest) = (magnitude / 1000, magnitude % 1000);
+    let (whole, mut rest) = (magnitude / 1000, magnitude % 1000);
     if whole > 0 || rest == 0 {
-        text.push_str(&whole.to_string());
+        // Writing into a String cannot fail.
+        let _ = write!(text, "{whole}");
     }
     if rest > 0 {
-        let digits = format!("{rest:03}");
         text.push('.');
-        text.push_str(digits.trim_end_matches('0'));
+    }
+    let mut place = 100;
+    while rest > 0 {
+        text.push(char::from(b'0' + (rest / place) as u8));
+        (rest, place) = (rest % place, place / 10);
     }
 }
 

@@ -3,6 +3,8 @@
 //! Blue and orange can be distinguished with every common type of colour blindness. In a grey print, the darkness alone
 //! shows how correct a line is.
 
+use std::sync::LazyLock;
+
 /// Number of colours on each side of the correct length; there are 21 in all.
 const STEPS: i32 = 10;
 /// Round limits, in % times a power of ten.
@@ -70,12 +72,18 @@ pub(super) fn color(shade: Shade) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
+/// The colours of all steps, from the shortest to the longest.
+static PALETTE: LazyLock<Vec<[u8; 3]>> = LazyLock::new(|| StretchScale::steps().map(rgb_of_step).collect());
+
 /// The colour of a step: red, green and blue of sRGB.
 pub(super) fn rgb(shade: Shade) -> [u8; 3] {
+    shade.and_then(|step| PALETTE.get((step + STEPS) as usize)).copied().unwrap_or([0xa3; 3])
+}
+
+fn rgb_of_step(step: i32) -> [u8; 3] {
     const CORRECT: [f64; 3] = [17.0, 24.0, 39.0];
     const SHORTER: [[f64; 3]; 3] = [CORRECT, [29.0, 78.0, 216.0], [56.0, 189.0, 248.0]];
     const LONGER: [[f64; 3]; 3] = [CORRECT, [190.0, 62.0, 8.0], [251.0, 146.0, 20.0]];
-    let Some(step) = shade else { return [0xa3; 3] };
     let [dark, middle, end] = if step < 0 { SHORTER } else { LONGER };
     // In the darkest third of a linear ramp no colour is visible; the exponent makes the colour start earlier.
     let along = (f64::from(step.abs()) / f64::from(STEPS)).powf(0.7) * 2.0;

@@ -1,6 +1,7 @@
 //! HTML text: escaping, the frame of the document, and its content security policy.
 
 use std::fmt::Write;
+use std::sync::LazyLock;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -11,6 +12,10 @@ use crate::preview::escaped;
 pub const MAX_FRAME: usize = 60_000;
 
 const SCRIPT: &str = include_str!("viewer.js");
+/// The script of all reports with a mark in three dimensions.
+static COMPACT_SCRIPT: LazyLock<Allowed> = LazyLock::new(|| Allowed::of(SCRIPT));
+/// The style of all reports.
+static COMPACT_STYLE: LazyLock<Allowed> = LazyLock::new(|| Allowed::of(&[BASE_STYLE, STYLE].concat()));
 /// The style of everything that isomark shows in browsers.
 pub(crate) const BASE_STYLE: &str = include_str!("base.css");
 const STYLE: &str = include_str!("report.css");
@@ -96,9 +101,22 @@ pub(crate) fn safe(text: &str) -> String {
     }
 }
 
+/// A script or style as it is in a document, and the hash by which its policy allows it.
+struct Allowed {
+    text: String,
+    hash: String,
+}
+
+impl Allowed {
+    fn of(source: &str) -> Self {
+        let text = compact(source);
+        Self { hash: hash(&text), text }
+    }
+}
+
 /// The document with this title and body. `scene` is JSON, and `glb` the mark on the part.
 pub(super) fn document(title: &str, body: &str, scene: &serde_json::Value, glb: &[u8]) -> String {
-    let script = compact(SCRIPT);
+    let Allowed { text: script, hash } = &*COMPACT_SCRIPT;
     // In a script element, `<` could begin its end; in JSON it may be escaped everywhere.
     let scene = scene.to_string().replace('<', "\\u003c");
     let scripts = format!(
@@ -106,7 +124,7 @@ pub(super) fn document(title: &str, body: &str, scene: &serde_json::Value, glb: 
          <script type=\"application/octet-stream\" id=\"mark-on-part\">{}</script>\n<script>{script}</script>\n",
         STANDARD.encode(glb),
     );
-    framed(title, &format!("script-src '{}'; ", hash(&script)), body, &scripts)
+    framed(title, &format!("script-src '{hash}'; "), body, &scripts)
 }
 
 /// The document with this title and body, without a script.
@@ -116,16 +134,15 @@ pub(super) fn flat_document(title: &str, body: &str) -> String {
 
 /// A document whose policy also contains `policy`, and whose body ends with `scripts`.
 fn framed(title: &str, policy: &str, body: &str, scripts: &str) -> String {
-    let style = compact(&[BASE_STYLE, STYLE].concat());
+    let Allowed { text: style, hash } = &*COMPACT_STYLE;
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; {policy}style-src '{}'; \
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; {policy}style-src '{hash}'; \
          img-src data:; base-uri 'none'; form-action 'none'\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<meta name=\"referrer\" content=\"no-referrer\">\n\
          <link rel=\"icon\" href=\"data:,\">\n<title>{}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}\
          {scripts}</body>\n</html>\n",
-        hash(&style),
         safe(title),
     )
 }

@@ -1,7 +1,7 @@
 //! Maps the drawing through the length-true map and the optics to the field coordinates for the marking software, and
 //! checks that it can be marked.
 
-use nalgebra::{Point3, Vector2};
+use nalgebra::{Point3, Vector2, Vector3};
 
 use super::chords::{Chords, STRAIGHT};
 use super::marking::{MarkingDrawing, MarkingPath, MarkingShape};
@@ -89,7 +89,29 @@ pub struct AboveLens {
     pub at: ViewPoint,
 }
 
+/// The part where a point of the drawing lands, in the laser's frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Contact {
+    /// The point of the part, mm.
+    pub(super) at: Point3<f64>,
+    /// The unit normal of the part there.
+    pub(super) normal: Vector3<f64>,
+    /// Height of the sampled part minus height of the fit, mm.
+    pub(super) difference: f64,
+}
+
 impl Projection<'_> {
+    /// The part at `view`, the image of a point of the drawing.
+    pub(super) fn contact(&self, flat: FlatPoint, view: ViewPoint) -> Contact {
+        let (height, normal) = self.map.height_and_normal(self.surface, flat, view);
+        let difference = self.surface.difference(view);
+        Contact {
+            at: self.fixture.point(Point3::new(view.x, view.y, height + difference)),
+            normal: self.fixture.direction(normal),
+            difference,
+        }
+    }
+
     /// The point of the part onto which a point of the drawing is mapped: in the view, and in the laser's frame, mm.
     pub(super) fn landing(&self, at: FlatPoint) -> (ViewPoint, Point3<f64>) {
         let view = self.map.point(at);

@@ -1,8 +1,6 @@
 //! How the beam reaches the ink: whether there is surface, at which angle and height, and where in the field.
 
-use nalgebra::Point3;
-
-use super::correction::{Exposure, Projection};
+use super::correction::{Contact, Exposure, Projection};
 use crate::geometry::ink::{Block, Ink, is_before};
 use crate::geometry::relief::{Cover, Relief, ReliefMap};
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
@@ -76,7 +74,7 @@ impl Projection<'_> {
         exposure.samples += 1;
         let view = self.map.point(flat);
         if self.surface.field.is_surface(view) {
-            self.include(flat, exposure);
+            self.include(flat, view, exposure);
         } else {
             exposure.off_surface += 1;
             exposure.first_off_surface.get_or_insert((flat, view));
@@ -86,20 +84,20 @@ impl Projection<'_> {
     /// Whether there is surface at the image of a point of the drawing, and the beam meets it at most this far from its normal,
     /// rad.
     pub fn reaches(&self, flat: FlatPoint, steepest: f64) -> bool {
-        let (view, landing) = self.landing(flat);
-        self.surface.field.is_surface(view) && self.incidence(flat, landing) <= steepest
+        let view = self.map.point(flat);
+        self.surface.field.is_surface(view) && self.incidence(&self.contact(flat, view)) <= steepest
     }
 
-    /// The angle between beam and normal where the image of a point of the drawing lands, rad.
-    fn incidence(&self, flat: FlatPoint, landing: Point3<f64>) -> f64 {
-        let normal = self.fixture.direction(self.map.normal(self.surface, flat));
-        normal.dot(&self.head.towards(landing)).clamp(-1.0, 1.0).acos()
+    /// The angle between beam and normal, rad.
+    fn incidence(&self, contact: &Contact) -> f64 {
+        contact.normal.dot(&self.head.towards(contact.at)).clamp(-1.0, 1.0).acos()
     }
 
-    /// Includes a place on the surface; returns the angle between beam and normal there, rad.
-    fn include(&self, flat: FlatPoint, exposure: &mut Exposure) -> f64 {
-        let (view, landing) = self.landing(flat);
-        let incidence = self.incidence(flat, landing);
+    /// Includes a place on the surface and its image; returns the angle between beam and normal there, rad.
+    fn include(&self, flat: FlatPoint, view: ViewPoint, exposure: &mut Exposure) -> f64 {
+        let contact = self.contact(flat, view);
+        let Contact { at: landing, difference, .. } = contact;
+        let incidence = self.incidence(&contact);
         if incidence > exposure.steepest {
             (exposure.steepest, exposure.steepest_at) = (incidence, view);
         }
@@ -107,7 +105,7 @@ impl Projection<'_> {
         if landing.z > exposure.highest {
             (exposure.highest, exposure.highest_at) = (landing.z, view);
         }
-        let difference = self.surface.difference(view).abs();
+        let difference = difference.abs();
         if difference > exposure.max_difference {
             (exposure.max_difference, exposure.max_difference_at) = (difference, view);
         }
@@ -152,7 +150,8 @@ impl Projection<'_> {
                 }
                 return Seen::Exactly;
             };
-            let angles = block.places(ink.side).map(|flat| self.include(flat, exposure));
+            let places = block.places(ink.side);
+            let angles = places.map(|flat| self.include(flat, self.map.point(flat), exposure));
             let [least, most] = range(angles);
             let apart = f64::from(block.count) * ink.side;
             Seen::Within(known, 2.0 * most - least + relief.slope_between(&known, apart))

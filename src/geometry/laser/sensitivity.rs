@@ -7,7 +7,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::correction::Projection;
+use super::correction::{Contact, Projection};
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::space::FlatPoint;
 
@@ -109,17 +109,8 @@ pub struct Sensitivity {
 /// A point of the part under the beam, in the laser's frame.
 struct Hit {
     at: Point3<f64>,
-    normal: Vector3<f64>,
-    /// Against the beam.
-    towards: Vector3<f64>,
-}
-
-impl Hit {
-    /// The movement of the mark on the part by a unit of a movement of the part.
-    fn moved(&self, by: Misplacement, pivot: Point3<f64>) -> Vector3<f64> {
-        let displacement = by.displacement(self.at, pivot);
-        self.towards * (self.normal.dot(&displacement) / self.normal.dot(&self.towards)) - displacement
-    }
+    /// The movement of the mark on the part by a unit of each of [`MISPLACEMENTS`].
+    moved: [Vector3<f64>; 6],
 }
 
 /// Sums of a result over the samples: for each movement alone, and for all together.
@@ -145,21 +136,22 @@ impl Projection<'_> {
     /// What a misplaced part does to the mark of this ink. Without ink, every effect is zero.
     pub fn sensitivity(&self, ink: &Ink, uncertainty: &PoseUncertainty) -> Sensitivity {
         let pivot = self.landing(ink.extents.center().into()).1;
-        let (mut moved, mut farthest_together) = ([0.0f64; 6], 0.0f64);
+        let (mut farthest, mut farthest_together) = ([0.0f64; 6], 0.0f64);
         let mut include = |hit: &Hit| {
             let mut square = 0.0;
-            for (farthest, by) in moved.iter_mut().zip(MISPLACEMENTS) {
-                let distance = hit.moved(by, pivot).norm();
-                *farthest = farthest.max(distance * by.amount());
+            for ((farthest, by), moved) in farthest.iter_mut().zip(MISPLACEMENTS).zip(&hit.moved) {
+                let distance = moved.norm();
+                *farthest = f64::max(*farthest, distance * by.amount());
                 square += (distance * uncertainty.of(by)).powi(2);
             }
             farthest_together = farthest_together.max(square.sqrt());
         };
+        let hit = |flat: FlatPoint| self.hit(flat, pivot);
         let (mut lengths, mut examined) = (Sums::default(), 0.0);
         for Piece { from, to } in spread(&ink.pieces, PIECES) {
-            let (Some(start), Some(end)) = (self.hit(*from), self.hit(*to)) else { continue };
+            let (Some(start), Some(end)) = (hit(*from), hit(*to)) else { continue };
             let along = (end.at - start.at).normalize();
-            let change = MISPLACEMENTS.map(|by| along.dot(&(end.moved(by, pivot) - start.moved(by, pivot))));
+            let change = std::array::from_fn(|by| along.dot(&(end.moved[by] - start.moved[by])));
             lengths.add(change, uncertainty);
             examined += from.distance(*to);
             include(&start);
@@ -169,14 +161,14 @@ impl Projection<'_> {
         let (mut areas, mut squares) = (Sums::default(), 0usize);
         for center in spread(&ink.squares, SQUARES) {
             let half = ink.side / 2.0;
-            let beside = |x: f64, y: f64| self.hit(FlatPoint::new(center.x + x, center.y + y));
+            let beside = |x: f64, y: f64| hit(FlatPoint::new(center.x + x, center.y + y));
             let hits = [beside(-half, 0.0), beside(half, 0.0), beside(0.0, -half), beside(0.0, half)];
             let [Some(left), Some(right), Some(below), Some(above)] = hits else { continue };
             let (across, up) = (right.at - left.at, above.at - below.at);
             let area = across.cross(&up);
-            let change = MISPLACEMENTS.map(|by| {
-                let wider = right.moved(by, pivot) - left.moved(by, pivot);
-                let higher = above.moved(by, pivot) - below.moved(by, pivot);
+            let change = std::array::from_fn(|by| {
+                let wider = right.moved[by] - left.moved[by];
+                let higher = above.moved[by] - below.moved[by];
                 area.dot(&(wider.cross(&up) + across.cross(&higher))) / area.norm_squared()
             });
             areas.add(change, uncertainty);
@@ -185,12 +177,12 @@ impl Projection<'_> {
         }
         let each = if squares > 0 { ink.area() / squares as f64 } else { 0.0 };
         for dot in spread(&ink.dots, SQUARES) {
-            self.hit(*dot).iter().for_each(&mut include);
+            hit(*dot).iter().for_each(&mut include);
         }
         let effect = |index: usize| Effect {
             length: lengths.single[index] * whole,
             area: areas.single[index] * each,
-            moved: moved[index],
+            moved: farthest[index],
         };
         Sensitivity {
             effects: std::array::from_fn(effect),
@@ -202,13 +194,17 @@ impl Projection<'_> {
         }
     }
 
-    /// Where the beam for a point of the drawing meets the part; `None` where it only grazes the part, or cannot reach it.
-    fn hit(&self, flat: FlatPoint) -> Option<Hit> {
-        let (_, at) = self.landing(flat);
+    /// Where the beam for a point of the drawing meets the part; `None` where it only grazes the part, or cannot reach it. Turns are about `pivot`.
+    fn hit(&self, flat: FlatPoint, pivot: Point3<f64>) -> Option<Hit> {
+        let Contact { at, normal, .. } = self.contact(flat, self.map.point(flat));
         self.head.aim(at)?;
-        let normal = self.fixture.direction(self.map.normal(self.surface, flat));
         let towards = self.head.towards(at);
-        (normal.dot(&towards) > GRAZING).then_some(Hit { at, normal, towards })
+        let facing = normal.dot(&towards);
+        let moved = |by: Misplacement| {
+            let displacement = by.displacement(at, pivot);
+            towards * (normal.dot(&displacement) / facing) - displacement
+        };
+        (facing > GRAZING).then(|| Hit { at, moved: MISPLACEMENTS.map(moved) })
     }
 }
 

@@ -430,12 +430,23 @@ impl LengthTrueMap {
     /// cone its z component is negative where the surface faces away from the laser; with other maps the surface
     /// behind the horizon is not known.
     pub fn normal(&self, surface: &FittedSurface, at: FlatPoint) -> Vector3<f64> {
+        self.height_and_normal(surface, at, self.point(at)).1
+    }
+
+    /// The height of the surface, mm, and the unit normal as [`normal`](Self::normal) states it at `image`, the image of a point
+    /// of the drawing.
+    pub fn height_and_normal(
+        &self,
+        surface: &FittedSurface,
+        at: FlatPoint,
+        image: ViewPoint,
+    ) -> (f64, Vector3<f64>) {
         match self {
-            Self::Cylinder(map, _) => map.normal(at),
-            Self::Cone(map, _) => map.normal(at),
+            Self::Cylinder(map, _) => (surface.nurbs.height(image), map.normal(at)),
+            Self::Cone(map, _) => (surface.nurbs.height(image), map.normal(at)),
             Self::Isometric(_) | Self::MappingDomain(_) | Self::Floater(_) | Self::Plain => {
-                let gradient = surface.jet(self.point(at)).gradient;
-                Vector3::new(-gradient.x, -gradient.y, 1.0).normalize()
+                let jet = surface.jet(image);
+                (jet.height, Vector3::new(-jet.gradient.x, -jet.gradient.y, 1.0).normalize())
             }
         }
     }

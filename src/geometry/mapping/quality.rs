@@ -182,8 +182,10 @@ fn measure_with(
     }
     match relief {
         None => {
+            let mut corners = SharedCorners::default();
             for square in &ink.squares {
-                distortion.include(&Square::measure(*square, ink.side, lift, &doubt, &spread)?, 1.0);
+                let corners = corners.of(*square, ink.side, lift)?;
+                distortion.include(&Square::between(corners, ink.side, &doubt, &spread), 1.0);
             }
         }
         Some(relief) => measure_blocks(ink, relief, &map, lift, doubt, &mut distortion)?,
@@ -245,9 +247,17 @@ impl Square {
         doubt: impl Fn(ViewPoint) -> Uncertainty,
         spread: &Spread,
     ) -> Result<Self, ViewPoint> {
-        let half = side / 2.0;
-        let corner = |x: f64, y: f64| lift(FlatPoint::new(center.x + x * half, center.y + y * half));
-        let [a, b, c, d] = [corner(-1.0, -1.0)?, corner(1.0, -1.0)?, corner(1.0, 1.0)?, corner(-1.0, 1.0)?];
+        let [a, b, c, d] = corners_of(center, side);
+        Ok(Self::between([lift(a)?, lift(b)?, lift(c)?, lift(d)?], side, doubt, spread))
+    }
+
+    /// The square between the images of its corners, anticlockwise from the lower left one.
+    fn between(
+        [a, b, c, d]: [Point3<f64>; 4],
+        side: f64,
+        doubt: impl Fn(ViewPoint) -> Uncertainty,
+        spread: &Spread,
+    ) -> Self {
         let area = ((b - a).cross(&(c - a)).norm() + (c - a).cross(&(d - a)).norm()) / 2.0;
         let drawn = side * side;
         let across = (b - a) + (c - d);
@@ -256,7 +266,74 @@ impl Square {
         let mean = area * share(tilt(&across, &up), doubt);
         let error = (area - drawn).abs();
         let uncertain = mean * spread.times_mean(doubt);
-        Ok(Self { error, uncertain, stretch: (error + PEAK * mean) / drawn, across, up, doubt })
+        Self { error, uncertain, stretch: (error + PEAK * mean) / drawn, across, up, doubt }
+    }
+}
+
+/// The corners of a square, anticlockwise from the lower left one.
+fn corners_of(center: FlatPoint, side: f64) -> [FlatPoint; 4] {
+    let half = side / 2.0;
+    let corner = |x: f64, y: f64| FlatPoint::new(center.x + x * half, center.y + y * half);
+    [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]
+}
+
+/// A corner of a square with its image on the part.
+type Corner = (FlatPoint, Point3<f64>);
+
+/// The images of the corners of squares that follow row by row. Neighbours share corners: those at one place are lifted once.
+#[derive(Default)]
+struct SharedCorners {
+    /// The right corners of the last square: the lower one and the upper one.
+    right: Option<[Corner; 2]>,
+    /// The upper corners of the last row, from left to right.
+    below: Vec<Corner>,
+    /// The first of them that is not to the left of the last square.
+    next: usize,
+    /// The upper corners of this row.
+    above: Vec<Corner>,
+}
+
+/// Corners closer than this share of the side are at one place; they differ by rounding.
+const SAME_CORNER: f64 = 1e-9;
+
+impl SharedCorners {
+    /// The images of the corners of a square, anticlockwise from the lower left one.
+    ///
+    /// # Errors
+    /// Those of `lift`.
+    fn of<E>(
+        &mut self,
+        center: FlatPoint,
+        side: f64,
+        lift: impl Fn(FlatPoint) -> Result<Point3<f64>, E>,
+    ) -> Result<[Point3<f64>; 4], E> {
+        let [a, b, c, d] = corners_of(center, side);
+        if self.right.is_none_or(|[lower, _]| lower.0.y != a.y) {
+            std::mem::swap(&mut self.below, &mut self.above);
+            self.above.clear();
+            self.next = 0;
+        }
+        let near = SAME_CORNER * side;
+        let is_at =
+            |of: FlatPoint, flat: FlatPoint| (of.x - flat.x).abs() < near && (of.y - flat.y).abs() < near;
+        let known = |corner: Option<&Corner>, flat: FlatPoint| {
+            corner.filter(|(of, _)| is_at(*of, flat)).map(|(_, image)| *image)
+        };
+        let beside =
+            |index: usize, flat: FlatPoint| known(self.right.as_ref().map(|right| &right[index]), flat);
+        self.next += self.below[self.next..].iter().take_while(|(of, _)| of.x < a.x - near).count();
+        let below = |index: usize, flat: FlatPoint| known(self.below.get(self.next + index), flat);
+        let left = below(0, a);
+        let right = below(usize::from(left.is_some()), b);
+        let (left, upper_left) = (beside(0, a).or(left), beside(1, d));
+        let lifted = |known: Option<Point3<f64>>, flat: FlatPoint| known.map_or_else(|| lift(flat), Ok);
+        let images = [lifted(left, a)?, lifted(right, b)?, lift(c)?, lifted(upper_left, d)?];
+        if upper_left.is_none() {
+            self.above.push((d, images[3]));
+        }
+        self.above.push((c, images[2]));
+        self.right = Some([(b, images[1]), (c, images[2])]);
+        Ok(images)
     }
 }
 
@@ -584,6 +661,7 @@ fn angle_error(across: &Vector3<f64>, up: &Vector3<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
     use std::f64::consts::TAU;
 
     use super::*;
@@ -620,6 +698,28 @@ mod tests {
         ] {
             assert!(stretch >= truth && stretch < 1.01 * truth, "{stretch} for {truth}");
         }
+    }
+
+    #[test]
+    fn a_corner_of_several_squares_is_lifted_once_and_changes_no_result() {
+        let mut ink = Ink::sample(&Pattern::outline(3.0), |_| true, PIECE, SQUARE);
+        ink.pieces.clear();
+        let lifts = Cell::new(0);
+        let area_error = |squares: Vec<FlatPoint>| {
+            let map = |at: FlatPoint| {
+                lifts.set(lifts.get() + 1);
+                ViewPoint::new(1.1 * at.x, at.y)
+            };
+            let ink = Ink { squares, ..ink.clone() };
+            measure(&ink, map, |at| Some(0.1 * at.x * at.y)).unwrap().area_error
+        };
+        area_error(ink.squares.clone());
+        assert_eq!((ink.squares.len(), lifts.get()), (30 * 30, 31 * 31));
+        // Rows with gaps, and squares that are no neighbours.
+        let is_kept = |at: &&FlatPoint| at.distance(FlatPoint::new(0.3, -0.4)) > 1.0 && at.x.sin() < 0.9;
+        let kept: Vec<FlatPoint> = ink.squares.iter().filter(is_kept).copied().collect();
+        let alone: f64 = kept.iter().map(|square| area_error(vec![*square])).sum();
+        assert!((area_error(kept) - alone).abs() < 1e-12 * alone);
     }
 
     /// Ribs with straight flanks of slope 0.2, 40 mm long, over a length along x, mm, as a mesh with the normals of its facets.

@@ -45,11 +45,11 @@ impl Lanes {
         (self.stale, self.made) = (false, now);
         self.lanes.clear();
         self.suspects.clear();
-        for (sku, path) in drops.ready(now, times).into_iter().filter(|(_, path)| !threads.is_at(path)) {
-            if drops.get(&path).is_some_and(|drop| self.deaths(drop) > 0) {
-                self.suspects.push_back(path);
+        for (path, drop) in drops.ready(now, times, |path| threads.is_at(path)) {
+            if self.deaths(drop) > 0 {
+                self.suspects.push_back(path.into());
             } else {
-                self.lanes.entry(sku).or_default().push_back(path);
+                self.lanes.entry(drop.sku().cloned()).or_default().push_back(path.into());
             }
         }
     }

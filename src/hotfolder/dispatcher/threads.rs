@@ -1,7 +1,8 @@
 //! The threads that do the jobs, and the job of each.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::path::{Path, PathBuf};
+use std::ffi::OsString;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -48,9 +49,11 @@ pub(super) struct Threads {
     /// To as many spare threads, for small jobs while other jobs unexpectedly take long.
     spare_tasks: SyncSender<Task>,
     pub(super) count: usize,
-    running: BTreeMap<PathBuf, Running>,
+    /// The jobs in threads, by the text of their paths: to compare paths part by part takes ten times as long, and many are looked
+    /// up.
+    running: BTreeMap<OsString, Running>,
     /// The jobs that pause before they draw pictures.
-    paused: BTreeMap<PathBuf, Running>,
+    paused: BTreeMap<OsString, Running>,
     /// The same in their order, with the moment when each began to pause.
     queue: VecDeque<(Moment, Task)>,
     /// Size of their drawings, bytes.
@@ -94,7 +97,7 @@ impl Threads {
     }
 
     pub(super) fn is_at(&self, path: &Path) -> bool {
-        self.running.contains_key(path) || self.paused.contains_key(path)
+        self.running.contains_key(path.as_os_str()) || self.paused.contains_key(path.as_os_str())
     }
 
     pub(super) fn are_at(&self, drop: &DropId) -> bool {
@@ -153,7 +156,7 @@ impl Threads {
     pub(super) fn begin(&mut self, task: Task, mut running: Running) {
         running.is_spare = self.running.values().filter(|running| !running.is_spare).count() >= self.count;
         let tasks = if running.is_spare { &self.spare_tasks } else { &self.tasks };
-        let path = task.path.clone();
+        let path = task.path.clone().into_os_string();
         if tasks.send(task).is_ok() {
             self.running.insert(path, running);
         }
@@ -161,9 +164,9 @@ impl Threads {
 
     /// Keeps a job that pauses.
     pub(super) fn pause(&mut self, task: Task, now: Moment) {
-        if let Some(running) = self.running.remove(&task.path) {
+        if let Some(running) = self.running.remove(task.path.as_os_str()) {
             self.paused_bytes += bytes_of_drawing(&task);
-            self.paused.insert(task.path.clone(), running);
+            self.paused.insert(task.path.clone().into_os_string(), running);
             self.queue.push_back((now, task));
         }
     }
@@ -182,7 +185,7 @@ impl Threads {
     pub(super) fn resume(&mut self, now: Moment) -> bool {
         let Some((_, task)) = self.queue.pop_front() else { return false };
         self.paused_bytes = self.paused_bytes.saturating_sub(bytes_of_drawing(&task));
-        if let Some(running) = self.paused.remove(&task.path) {
+        if let Some(running) = self.paused.remove(task.path.as_os_str()) {
             self.begin(task, Running { since: now, ..running });
         }
         true
@@ -190,7 +193,7 @@ impl Threads {
 
     /// The job on this drop is over.
     pub(super) fn finished(&mut self, path: &Path) -> Option<Running> {
-        self.running.remove(path)
+        self.running.remove(path.as_os_str())
     }
 }
 

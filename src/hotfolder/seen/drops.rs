@@ -201,10 +201,15 @@ impl Drops {
         self.parts.contains_key(sku)
     }
 
-    /// The drops that can be processed now, each with its SKU: parts first, because patterns need them, then in the
-    /// order of their arrival. A drop that pauses after an error is not overtaken by a newer drop with the same result:
+    /// The drops that can be processed now, with their paths, but for those at work: parts first, because patterns need them, then
+    /// in the order of their arrival. A drop that pauses after an error is not overtaken by a newer drop with the same result:
     /// the older drop would replace that result later.
-    pub(crate) fn ready(&self, now: Moment, times: &SettleTimes) -> Vec<(Option<Sku>, PathBuf)> {
+    pub(crate) fn ready(
+        &self,
+        now: Moment,
+        times: &SettleTimes,
+        is_at_work: impl Fn(&Path) -> bool,
+    ) -> Vec<(&Path, &Drop)> {
         let pausing = self.all.values().filter(|drop| matches!(drop.block, Block::Until { .. }));
         let mut held = BTreeMap::<Aim, u64>::new();
         for drop in pausing.filter(|drop| self.due(drop, times).is_some_and(|due| due > now)) {
@@ -219,10 +224,11 @@ impl Drops {
             .all
             .iter()
             .filter(|(_, drop)| self.due(drop, times).is_some_and(|due| due <= now) && !is_held(drop))
-            .map(|(path, drop)| (rank(drop), drop.number, path, drop))
+            .filter(|(path, _)| !is_at_work(path))
+            .map(|(path, drop)| (path.as_path(), drop))
             .collect();
-        ready.sort_by_key(|(rank, number, ..)| (*rank, *number));
-        ready.into_iter().map(|(.., path, drop)| (drop.sku().cloned(), path.clone())).collect()
+        ready.sort_by_key(|(_, drop)| (rank(drop), drop.number));
+        ready
     }
 
     /// The companions beside a drop that may still be written.
@@ -415,7 +421,7 @@ impl Drop {
     }
 
     /// The SKU that it is a part or pattern of.
-    fn sku(&self) -> Option<&Sku> {
+    pub(crate) fn sku(&self) -> Option<&Sku> {
         match &self.meaning {
             Ok(Meaning::Part(sku) | Meaning::Pattern { sku, .. }) => Some(sku),
             _ => None,
@@ -460,7 +466,7 @@ mod tests {
         let (still, open_ended) = (at(0), at(0));
         let times = SettleTimes { still, open_ended, incomplete: at(9), incomplete_after_close: at(3) };
         let mut drops = Drops::default();
-        for name in ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"] {
+        for name in ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf", "at-work.dxf"] {
             let stamp = Stamp { size: 1, modified: None, identity: 1 };
             drops.see(hot, Path::new(name), Found::File(stamp), Writer::Closed, at(0), at(0));
         }
@@ -468,7 +474,10 @@ mod tests {
             drops.get_mut(&hot.join(name)).unwrap().block =
                 Block::Until { moment: at(5), pause: at(1), obstacle: Obstacle::Other };
         }
-        let ready = |now| drops.ready(at(now), &times).into_iter().map(|(_, path)| path).collect::<Vec<_>>();
+        let ready = |now| -> Vec<_> {
+            let ready = drops.ready(at(now), &times, |path| path.ends_with("at-work.dxf"));
+            ready.into_iter().map(|(path, _)| path).collect()
+        };
         assert_eq!(ready(4), ["mug.glb", "mug@2.dxf"].map(|name| hot.join(name)));
         let all = ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"];
         assert_eq!(ready(5), all.map(|name| hot.join(name)));

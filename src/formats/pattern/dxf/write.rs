@@ -130,8 +130,12 @@ impl Groups {
     }
 
     fn put_point(&mut self, code: u16, point: FieldPoint) {
-        self.put(code, number(point.x));
-        self.put(code + 10, number(point.y));
+        for (code, value) in [(code, point.x), (code + 10, point.y)] {
+            // Writing into a String cannot fail.
+            let _ = write!(self.text, "{code:>3}\r\n");
+            push_number(&mut self.text, value);
+            self.text.push_str("\r\n");
+        }
     }
 
     fn put_handle(&mut self, code: u16, handle: u64) {
@@ -392,12 +396,25 @@ pub(super) fn objects(file: &mut Groups) {
     }
 }
 
-/// A number with at most six decimals and at least one, without trailing zeros and never `-0.0`.
+/// Adds a number with at most six decimals and at least one, without trailing zeros and never `-0.0`.
+fn push_number(text: &mut String, value: f64) {
+    let start = text.len();
+    // Writing into a String cannot fail.
+    let _ = write!(text, "{value:.6}");
+    text.truncate(start + text[start..].trim_end_matches('0').len());
+    if text.ends_with('.') {
+        text.push('0');
+    }
+    if &text[start..] == "-0.0" {
+        text.remove(start);
+    }
+}
+
+/// A number as [`Groups::put_point`] writes it.
 pub(super) fn number(value: f64) -> String {
-    let text = format!("{value:.6}");
-    let text = text.trim_end_matches('0');
-    let text = if text.ends_with('.') { format!("{text}0") } else { text.into() };
-    if text == "-0.0" { "0.0".into() } else { text }
+    let mut text = String::new();
+    push_number(&mut text, value);
+    text
 }
 
 /// Text in ASCII, with other letters as `\U+XXXX`; `_` replaces control characters and letters that need more than four
