@@ -17,6 +17,9 @@ const BORDER_TOLERANCE: f64 = 1e-6;
 /// A triangle whose curved net stays this close to its facet, mm, is treated as flat.
 const FLATNESS: f64 = 1e-7;
 
+/// Steps along a side of the grid on which a patch is compared with a surface.
+const STEPS: u32 = 4;
+
 /// A cubic patch through the corners of a triangle and perpendicular to their normals, in the frame of the view.
 ///
 /// Vlachos, Peters, Boyd & Mitchell, Curved PN triangles, Symposium on Interactive 3D Graphics 2001, section 3;
@@ -114,6 +117,16 @@ impl CurvedTriangle {
             }
         }
         (point.into(), by_v, by_w)
+    }
+
+    /// Points of the patch, mm, with its unit normals there, on a grid of [`STEPS`] steps along each side.
+    pub(super) fn grid(&self) -> impl Iterator<Item = (Point3<f64>, Vector3<f64>)> + '_ {
+        let places = (0..=STEPS).flat_map(|row| (0..=STEPS - row).map(move |column| [row, column]));
+        places.map(|place| {
+            let [v, w] = place.map(|index| f64::from(index) / f64::from(STEPS));
+            let (point, by_v, by_w) = self.point(v, w);
+            (point, by_v.cross(&by_w).try_normalize(0.0).unwrap_or_else(Vector3::zeros))
+        })
     }
 
     /// The unit normal at the middle of a side (0: from the first corner to the second); zero if the patch is degenerate

@@ -68,22 +68,39 @@ struct Group {
     triangles: Vec<usize>,
 }
 
+/// The triangles of cylinders and cones that have their normals.
+#[derive(Default)]
+pub(super) struct Rounds {
+    /// For each triangle, whether it is of a cylinder; empty if there are no cylinders or cones.
+    pub(super) is_cylinder: Vec<bool>,
+    /// Triangles, each with its cone.
+    on_cones: Vec<(usize, Round)>,
+}
+
+impl Rounds {
+    /// For each triangle of a cone, by how much the slope of its patch differs from that of the cone at most, rad: patches with exact
+    /// normals are on a cylinder, but only near a cone.
+    pub(super) fn doubts_of_cones(&self, mesh: &SmoothMesh) -> Vec<(usize, f32)> {
+        let off = |(triangle, cone): &(usize, Round)| {
+            let patch = mesh.patch(*triangle);
+            let angles = patch.grid().map(|(at, normal)| normal.cross(&cone.outward(&at)).norm());
+            (*triangle, angles.fold(0.0, f64::max) as f32)
+        };
+        self.on_cones.iter().map(off).collect()
+    }
+}
+
 /// Replaces normals that are `estimated` by those of the cylinders and cones that their vertices show, and their `deviations` by 0;
-/// those of cones are as exact as those of a file, and not estimated any more. Returns for each triangle whether it is part of a
-/// cylinder and has the normals of it; empty if there are no cylinders or cones. At an edge that the facets beyond show, they get
+/// those of cones are as exact as those of a file, and not estimated any more. At an edge that the facets beyond show, they get
 /// vertices of their own. Vertices on their chords move onto them.
-pub(super) fn settle(
-    mesh: &mut SmoothMesh,
-    estimated: &mut Vec<bool>,
-    deviations: &mut Vec<f64>,
-) -> Vec<bool> {
+pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &mut Vec<bool>, deviations: &mut Vec<f64>) -> Rounds {
     let count = mesh.triangles.len();
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
-        return Vec::new();
+        return Rounds::default();
     }
     let groups = certain_groups(mesh, estimated);
     if groups.is_empty() {
-        return Vec::new();
+        return Rounds::default();
     }
     // A hole that is cut into a mesh has its vertices on the facets; those of the part are on the cylinder.
     let near = precision(mesh);
@@ -104,27 +121,32 @@ pub(super) fn settle(
         };
         settling.set(&group.triangles, at_edges, normal);
     }
-    let mut is_round = vec![false; count];
+    let mut rounds = Rounds { is_cylinder: vec![false; count], on_cones: Vec::new() };
     for (group, ..) in &groups {
         for &triangle in &group.triangles {
             let (corners, normals) = mesh.corners(triangle);
-            let is_known = |(corner, normal): (&Point3<f64>, Vector3<f64>)| {
-                normal.cross(&group.round.outward(corner)).norm() < SAME_NORMAL
-            };
-            let mut ends = corners.iter().zip(normals).map(is_known).zip(mesh.triangles[triangle]);
-            match group.round {
-                Round::Cylinder(_) => is_round[triangle] = ends.all(|(is_known, _)| is_known),
-                // Patches with exact normals are on a cylinder, but only near a cone.
-                Round::Cone(_) => ends.filter(|(is_known, _)| *is_known).for_each(|(_, vertex)| {
-                    estimated[vertex as usize] = false;
-                    if let Some(deviation) = deviations.get_mut(vertex as usize) {
-                        *deviation = 0.0;
-                    }
-                }),
+            let ends = corners.iter().zip(normals);
+            let is_known = ends
+                .map(|(corner, normal)| normal.cross(&group.round.outward(corner)).norm() < SAME_NORMAL)
+                .collect::<Vec<_>>();
+            if let Round::Cylinder(_) = group.round {
+                rounds.is_cylinder[triangle] = !is_known.contains(&false);
+                continue;
+            }
+            for (vertex, _) in
+                mesh.triangles[triangle].into_iter().zip(&is_known).filter(|(_, known)| **known)
+            {
+                estimated[vertex as usize] = false;
+                if let Some(deviation) = deviations.get_mut(vertex as usize) {
+                    *deviation = 0.0;
+                }
+            }
+            if !is_known.contains(&false) {
+                rounds.on_cones.push((triangle, group.round));
             }
         }
     }
-    is_round
+    rounds
 }
 
 /// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges, and whether it is hollow.
