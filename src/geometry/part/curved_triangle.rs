@@ -22,6 +22,9 @@ const NEAR: [f64; 2] = [1e-6, 1e-3];
 /// At this distance, mm, the point is met.
 const MET: f64 = 1e-10;
 
+/// Steps along a side of the grid on which a patch is compared with a surface.
+const STEPS: u32 = 4;
+
 /// A cubic patch through the corners of a triangle and perpendicular to their normals, in the frame of the view.
 ///
 /// Vlachos, Peters, Boyd & Mitchell, Curved PN triangles, Symposium on Interactive 3D Graphics 2001, section 3;
@@ -123,14 +126,23 @@ impl CurvedTriangle {
         self.largest_bulge
     }
 
+    /// Points of the patch, mm, with its unit normals there, on a grid of [`STEPS`] steps along each side; a normal is zero where
+    /// the patch is degenerate.
+    pub(super) fn grid(&self) -> impl Iterator<Item = (Point3<f64>, Vector3<f64>)> + use<> {
+        let patch = Cubic::of(self);
+        let places = (0..=STEPS).flat_map(|row| (0..=STEPS - row).map(move |column| [row, column]));
+        places.map(move |place| {
+            let [v, w] = place.map(|index| f64::from(index) / f64::from(STEPS));
+            let (point, normal) = patch.point_and_normal(v, w);
+            (point.into(), normal)
+        })
+    }
+
     /// The unit normals at the middles of the sides (the first from the first corner to the second); zero where the patch is
     /// degenerate.
     pub(super) fn normals_beside(&self) -> [Vector3<f64>; 3] {
         let patch = Cubic::of(self);
-        [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]].map(|[v, w]| {
-            let (_, by_v, by_w) = patch.at(v, w);
-            by_v.cross(&by_w).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
-        })
+        [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]].map(|[v, w]| patch.point_and_normal(v, w).1)
     }
 
     /// The triangle as the laser sees it; `None` if its facet is a wall.
@@ -221,6 +233,12 @@ impl Cubic {
             twice_w: [uww - uuw * 2.0, uuv + vww - uww + uuw * 2.0 - uvw],
             cube_w: uuw - uww,
         }
+    }
+
+    /// The point, mm, and the unit normal; zero where the patch is degenerate.
+    fn point_and_normal(&self, v: f64, w: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let (point, by_v, by_w) = self.at(v, w);
+        (point, by_v.cross(&by_w).try_normalize(0.0).unwrap_or_else(Vector3::zeros))
     }
 
     /// The point, mm, and its derivatives by v and w.

@@ -9,6 +9,7 @@ pub mod holes;
 pub(crate) mod chord_normals;
 pub(crate) mod shape_fit;
 pub mod cylinder;
+pub mod cone;
 pub mod smooth_mesh;
 pub(crate) mod osculating_jet;
 pub(crate) mod flats;

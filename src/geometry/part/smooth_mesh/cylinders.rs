@@ -1,4 +1,5 @@
-//! Normals of vertices that are on one cylinder, as those of the round side of a can, a shaft, or a fillet along an edge.
+//! Normals of vertices that are on one cylinder or cone, as those of the round side of a can, a shaft, a cup, or a fillet along an
+//! edge.
 //!
 //! The vertices of a tessellation are on the part. Those of a strip of facets that are on one cylinder, to within what files
 //! state of them, and turn often enough, show its axis and radius far better than the facets round each of them: at rims, where a
@@ -6,15 +7,15 @@
 //! its ends confirms it (`ends`). Where a program cuts a hole into a mesh, the new vertices are on its facets (`plane_facets`), and
 //! not on the part from which these were cut.
 
-use nalgebra::{Matrix3, Point3, Unit, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::ends::{Straight, Surface, Surroundings, precision};
 use super::plane_facets::PlaneFacets;
+use super::round::{Plane, Round};
 use super::settling::Settling;
-use crate::geometry::adjacency::{NONE, facet_normal, sliver_side};
-use crate::geometry::cylinder::Cylinder;
-use crate::geometry::shape_fit::{self, cross_directions};
+use crate::geometry::adjacency::{NONE, facet_normal, sliver_side, width};
+use crate::geometry::shape_fit::cross_directions;
 
 /// Vertices at this many angles round the axis show a circle: three define it, and two confirm it.
 const LEAST_ANGLES: usize = 5;
@@ -31,19 +32,16 @@ const LEAST_BULGE_OF_LONG: f64 = 10.0;
 /// Half of the facets of a cylinder's strip leave it by that; where the estimated normals let one leave by less than this share of
 /// it, no strip is looked for.
 const ESTIMATED: f64 = 0.8;
-/// After each of the first steps of a fit, points that are on a cylinder are within what they may be off and so many times what the
-/// step neglects: most strips of other surfaces are dropped after one.
-const FIRST_STEPS: usize = 3;
-const NEGLECTED: f64 = 10.0;
 /// The facets beside those of which a cylinder is fitted are on it within so many times what vertices may be off.
 const NEARLY: f64 = 4.0;
 /// Triangles from the first one on, on either side of it, on which a cylinder is looked for: where a fillet is narrower than the
 /// first number, the second.
 const REACHES: [usize; 2] = [4, 2];
-/// The normals of facets on a cylinder leave the plane across its axis by at most this share of what they turn in it.
-const LEAVES: f64 = 0.1;
-/// Facets that turn by less than this, rad, show no axis.
-const LEAST_TURN: f64 = 0.01;
+/// Two rings of any turned part are on a cone. Beyond those of a cone, facets are on it, too, or at least so many times as narrow, as
+/// those of a fillet.
+const NARROWER: f64 = 2.0;
+/// Strips to which a cone is fitted in vain, at most: there are so many on coarse turned parts and other nets of facets.
+const MOST_VAIN_CONES: usize = 1_000;
 /// Points of which a cylinder is fitted, at most.
 const MOST_POINTS: usize = 400;
 /// Rounds in which a cylinder is fitted to the facets that it has gained.
@@ -55,45 +53,63 @@ const MOST_TRIANGLES: usize = 300_000;
 /// Facets on a cylinder leave it by at most so many times as far as those in the middle of the first ones. A flat side between two
 /// lines of it, and the end of a can, have their vertices on it, too.
 const FLAT: f64 = 2.5;
-/// The normals of facets on a cylinder leave the plane across its axis by at most this, rad; where its rims are cut differently, by
-/// a few hundredths.
-const LEAN: f64 = 0.2;
+/// The normals of facets on a cylinder lean along its lines by at most this, rad: by a few hundredths where its rims are cut
+/// differently, by more beside a hole.
+const LEAN: f64 = 0.6;
 /// A triangle is that of the cylinder where its normals differ from the cylinder's by less than this, rad.
 const SAME_NORMAL: f64 = 1e-3;
 
-/// The facets of a mesh that are on one cylinder.
+/// The facets of a mesh that are on one cylinder or cone.
 struct Group {
-    cylinder: Cylinder,
+    round: Round,
     /// How far its facets may leave it, mm.
     most: f64,
     /// In the order in which they are found.
     triangles: Vec<usize>,
 }
 
-/// Replaces normals that are `estimated` by those of the cylinders that their vertices show, and their `deviations` by 0; returns
-/// for each triangle whether it is part of a cylinder and has the normals of it; empty if there are none. At an edge that the facets
-/// beyond show, the cylinder gets vertices of its own. Vertices on its chords move onto it.
-pub(super) fn settle(
-    mesh: &mut SmoothMesh,
-    estimated: &mut Vec<bool>,
-    deviations: &mut Vec<f64>,
-) -> Vec<bool> {
+/// The triangles of cylinders and cones that have their normals.
+#[derive(Default)]
+pub(super) struct Rounds {
+    /// For each triangle, whether it is of a cylinder; empty if there are no cylinders or cones.
+    pub(super) is_cylinder: Vec<bool>,
+    /// Triangles, each with its cone.
+    on_cones: Vec<(usize, Round)>,
+}
+
+impl Rounds {
+    /// For each triangle of a cone, by how much the slope of its patch differs from that of the cone at most, rad: patches with exact
+    /// normals are on a cylinder, but only near a cone.
+    pub(super) fn doubts_of_cones(&self, mesh: &SmoothMesh) -> Vec<(usize, f32)> {
+        let off = |(triangle, cone): &(usize, Round)| {
+            let patch = mesh.patch(*triangle);
+            let angles = patch.grid().map(|(at, normal)| normal.cross(&cone.outward(&at)).norm());
+            (*triangle, angles.fold(0.0, f64::max) as f32)
+        };
+        self.on_cones.iter().map(off).collect()
+    }
+}
+
+/// Replaces normals that are `estimated` by those of the cylinders and cones that their vertices show, and their `deviations` by 0;
+/// those of cones are as exact as those of a file, and not estimated any more. At an edge that the facets beyond show, they get
+/// vertices of their own. Vertices on their chords move onto them.
+pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &mut Vec<bool>, deviations: &mut Vec<f64>) -> Rounds {
     let count = mesh.triangles.len();
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
-        return Vec::new();
+        return Rounds::default();
     }
     let groups = certain_groups(mesh, estimated);
     if groups.is_empty() {
-        return Vec::new();
+        return Rounds::default();
     }
     // A hole that is cut into a mesh has its vertices on the facets; those of the part are on the cylinder.
     let near = precision(mesh);
     for (group, ..) in &groups {
         for vertex in group.triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
             let at = &mut mesh.positions[vertex as usize];
-            let off = group.cylinder.distance(at);
+            let off = group.round.distance(at);
             if off.abs() > near {
-                *at -= group.cylinder.outward(at) * off;
+                *at -= group.round.outward(at) * off;
             }
         }
     }
@@ -101,21 +117,36 @@ pub(super) fn settle(
     for (group, at_edges, is_hollow) in &groups {
         let way = if *is_hollow { -1.0 } else { 1.0 };
         let normal = |mesh: &SmoothMesh, vertex: u32| {
-            Some(group.cylinder.outward(&mesh.positions[vertex as usize]) * way)
+            Some(group.round.outward(&mesh.positions[vertex as usize]) * way)
         };
         settling.set(&group.triangles, at_edges, normal);
     }
-    let mut is_round = vec![false; count];
+    let mut rounds = Rounds { is_cylinder: vec![false; count], on_cones: Vec::new() };
     for (group, ..) in &groups {
         for &triangle in &group.triangles {
             let (corners, normals) = mesh.corners(triangle);
-            is_round[triangle] = corners
-                .iter()
-                .zip(normals)
-                .all(|(corner, normal)| normal.cross(&group.cylinder.outward(corner)).norm() < SAME_NORMAL);
+            let ends = corners.iter().zip(normals);
+            let is_known = ends
+                .map(|(corner, normal)| normal.cross(&group.round.outward(corner)).norm() < SAME_NORMAL)
+                .collect::<Vec<_>>();
+            if let Round::Cylinder(_) = group.round {
+                rounds.is_cylinder[triangle] = !is_known.contains(&false);
+                continue;
+            }
+            for (vertex, _) in
+                mesh.triangles[triangle].into_iter().zip(&is_known).filter(|(_, known)| **known)
+            {
+                estimated[vertex as usize] = false;
+                if let Some(deviation) = deviations.get_mut(vertex as usize) {
+                    *deviation = 0.0;
+                }
+            }
+            if !is_known.contains(&false) {
+                rounds.on_cones.push((triangle, group.round));
+            }
         }
     }
-    is_round
+    rounds
 }
 
 /// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges, and whether it is hollow.
@@ -134,7 +165,9 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
     let surroundings = Surroundings::of(mesh);
     let is_on_chord = surroundings.facets.only_one(mesh);
     let visits = MOST_VISITS * mesh.triangles.len();
-    let mut search = Search { mesh, facets: &surroundings.facets, near, is_on_chord, visits };
+    let (vain_cones, is_coneless) = (MOST_VAIN_CONES, vec![false; mesh.triangles.len()]);
+    let facets = &surroundings.facets;
+    let mut search = Search { mesh, facets, near, is_on_chord, visits, vain_cones, is_coneless };
     let mut seen = Seen::of(mesh);
     let mut groups = Vec::new();
     for (triangle, _) in seeds {
@@ -173,7 +206,7 @@ impl SmoothMesh {
     fn is_hollow(&self, group: &Group) -> bool {
         let outward = |&triangle: &usize| {
             let corners = self.corners(triangle).0;
-            facet_normal(corners).dot(&group.cylinder.outward(&corners[0]))
+            facet_normal(corners).dot(&group.round.outward(&corners[0]))
         };
         group.triangles.iter().map(outward).sum::<f64>() < 0.0
     }
@@ -192,22 +225,26 @@ impl Surface for OnMesh<'_> {
 
     fn outward(&self, side: usize) -> Vector3<f64> {
         let [from, to] = self.mesh.ends(side);
-        self.group.cylinder.outward(&nalgebra::center(&from, &to))
+        self.group.round.outward(&nalgebra::center(&from, &to))
     }
 
     fn largest_bulge(&self) -> f64 {
         let bulges = self.group.triangles.iter();
-        bulges.map(|&triangle| bulge_on(self.mesh, &self.group.cylinder, triangle)).fold(0.0, f64::max)
+        bulges.map(|&triangle| bulge_on(self.mesh, &self.group.round, triangle)).fold(0.0, f64::max)
     }
 }
 
 impl Straight for OnMesh<'_> {
-    fn axis(&self) -> Vector3<f64> {
-        *self.group.cylinder.axis
+    fn ruling(&self, at: &Point3<f64>) -> Vector3<f64> {
+        self.group.round.ruling(at)
+    }
+
+    fn along(&self, at: &Point3<f64>) -> f64 {
+        self.group.round.along(at)
     }
 
     fn distance(&self, _: usize, at: &Point3<f64>) -> f64 {
-        self.group.cylinder.distance(at).abs()
+        self.group.round.distance(at).abs()
     }
 }
 
@@ -270,6 +307,10 @@ struct Search<'a> {
     is_on_chord: Vec<bool>,
     /// How many triangles may still be looked at.
     visits: usize,
+    /// How many cones may still be fitted in vain.
+    vain_cones: usize,
+    /// For each triangle, whether it is of a strip of a cone that does not end as one.
+    is_coneless: Vec<bool>,
 }
 
 impl Search<'_> {
@@ -282,9 +323,9 @@ impl Search<'_> {
                 let mut triangles = self.grown(&group, triangle, seen);
                 triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
                 self.visits = self.visits.saturating_sub(triangles.len());
-                let points = self.some_points(&triangles, Some(&group.cylinder));
-                let cylinder = fitted(shape_fit::MAX_STEPS, &points, group.cylinder);
-                let next = Group { cylinder, most: group.most, triangles: Vec::new() };
+                let points = self.some_points(&triangles, Some(&group.round));
+                let round = group.round.fitted(&points);
+                let next = Group { round, most: group.most, triangles: Vec::new() };
                 let mut facets_on = FacetsOn::of(self, &next, self.near, &mut seen.facets);
                 triangles.retain(|&triangle| facets_on.has(triangle));
                 if triangles.len() <= group.triangles.len() {
@@ -296,16 +337,16 @@ impl Search<'_> {
         })
     }
 
-    /// The cylinder that a strip across a side of a triangle shows, without facets.
-    fn start_at(&self, triangle: usize, side: usize, reach: usize) -> Option<Group> {
+    /// The cylinder or cone that a strip across a side of a triangle shows, without facets.
+    fn start_at(&mut self, triangle: usize, side: usize, reach: usize) -> Option<Group> {
         let strip = self.strip(triangle, side, reach);
-        let cylinder = self.cylinder_of(&strip)?;
+        let round = self.round_of(&strip)?;
         let mut bulges: Vec<f64> =
-            strip.iter().map(|&triangle| bulge_on(self.mesh, &cylinder, triangle)).collect();
+            strip.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle)).collect();
         bulges.sort_by(f64::total_cmp);
         let usual = bulges[bulges.len() / 2];
         (usual >= self.mesh.least_bulge(triangle, self.near)).then(|| Group {
-            cylinder,
+            round,
             most: FLAT * usual,
             triangles: Vec::new(),
         })
@@ -336,37 +377,46 @@ impl Search<'_> {
         strip
     }
 
-    /// The cylinder on which the vertices of all these triangles are.
-    fn cylinder_of(&self, triangles: &[usize]) -> Option<Cylinder> {
-        let normals = triangles.iter().map(|&triangle| facet_normal(self.mesh.corners(triangle).0));
-        let sum: Matrix3<f64> = normals.map(|normal| normal * normal.transpose()).sum();
-        let spread = sum / triangles.len() as f64;
-        let first = facet_normal(self.mesh.corners(triangles[0]).0);
-        // The second largest eigenvalue is not larger than what any direction leaves of the trace.
-        if 1.0 - first.dot(&(spread * first)) < LEAST_TURN * LEAST_TURN {
-            return None;
-        }
-        let eigen = spread.symmetric_eigen();
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        let [off, turn] = [0, 1].map(|index: usize| eigen.eigenvalues[order[index]].max(0.0).sqrt());
-        if turn < LEAST_TURN || off > LEAVES * turn {
-            return None;
-        }
-        let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
-        let points = self.some_points(triangles, None);
-        let is_within = |cylinder: &Cylinder, limit: f64| {
-            points.iter().all(|point| cylinder.distance(point).abs() <= limit)
+    /// The cylinder or cone on which the vertices of all these triangles are.
+    fn round_of(&mut self, strip: &[usize]) -> Option<Round> {
+        let plane = |&triangle: &usize| {
+            let corners = self.mesh.corners(triangle).0;
+            Plane { normal: facet_normal(corners), at: corners[0] }
         };
-        let mut close = circle_about(axis, &points)?;
-        for _ in 0..FIRST_STEPS {
-            let next = fitted(1, &points, close);
-            if !is_within(&next, self.near + NEGLECTED * neglected(&points, &close, &next)) {
-                return None;
-            }
-            close = next;
+        let planes: Vec<Plane> = strip.iter().map(plane).collect();
+        let cylinder = Round::cylinder(&planes, || self.some_points(strip, None), self.near);
+        if cylinder.is_some()
+            || self.vain_cones == 0
+            || strip.iter().any(|&triangle| self.is_coneless[triangle])
+        {
+            return cylinder;
         }
-        Some(fitted(shape_fit::MAX_STEPS, &points, close)).filter(|found| is_within(found, self.near))
+        let start = Round::start_of_cone(&planes)?;
+        let cone = start.fitted_within(&self.some_points(strip, None), self.near);
+        if cone.is_some_and(|cone| self.ends_as_cone(strip, &cone)) {
+            return cone;
+        }
+        self.vain_cones -= 1;
+        if cone.is_some() {
+            strip.iter().for_each(|&triangle| self.is_coneless[triangle] = true);
+        }
+        None
+    }
+
+    /// Whether the facets round a strip are as they may be on a cone and at its ends.
+    fn ends_as_cone(&self, strip: &[usize], cone: &Round) -> bool {
+        let corners = |triangle: usize| self.mesh.corners(triangle).0;
+        let sides = strip.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let mut ends = sides.filter(|&side| {
+            let other = self.mesh.continued[side];
+            other != NONE && !strip.contains(&(other as usize / 3))
+        });
+        ends.all(|side| {
+            let other = self.mesh.continued[side] as usize;
+            let beyond = corners(other / 3);
+            cone.distance(&beyond[(other % 3 + 2) % 3]).abs() <= NEARLY * self.near
+                || width(beyond, other % 3) * NARROWER < width(corners(side / 3), side % 3)
+        })
     }
 
     /// The triangles on a cylinder that can be reached from one of them, with all others of their plane facets: a narrow part of a
@@ -398,14 +448,14 @@ impl Search<'_> {
 
     /// The different vertices of some triangles without those on chords, evenly chosen if there are many. Those that are on the
     /// cylinder, if it is known, are not on chords.
-    fn some_points(&self, triangles: &[usize], cylinder: Option<&Cylinder>) -> Vec<Point3<f64>> {
+    fn some_points(&self, triangles: &[usize], round: Option<&Round>) -> Vec<Point3<f64>> {
         let mut vertices: Vec<u32> =
             triangles.iter().flat_map(|&triangle| self.mesh.triangles[triangle]).collect();
         vertices.sort_unstable();
         vertices.dedup();
         vertices.retain(|&vertex| {
             let at = &self.mesh.positions[vertex as usize];
-            let is_near = cylinder.is_some_and(|cylinder| cylinder.distance(at).abs() <= self.near);
+            let is_near = round.is_some_and(|round| round.distance(at).abs() <= self.near);
             is_near || !self.is_on_chord[vertex as usize]
         });
         let step = vertices.len().div_ceil(MOST_POINTS).max(1);
@@ -414,12 +464,12 @@ impl Search<'_> {
 
     /// Whether the vertices of a group show that it is a cylinder.
     fn turns_enough(&self, group: &Group) -> bool {
-        let Group { cylinder, triangles, .. } = group;
-        let (first, second) = cross_directions(&cylinder.axis);
-        let points = self.some_points(triangles, Some(cylinder));
+        let Group { round, triangles, .. } = group;
+        let (first, second) = cross_directions(&round.axis());
+        let points = self.some_points(triangles, Some(round));
         let mut angles: Vec<f64> = points
             .iter()
-            .map(|point| cylinder.outward(point))
+            .map(|point| round.outward(point))
             .map(|outward| outward.dot(&second).atan2(outward.dot(&first)))
             .collect();
         angles.sort_by(f64::total_cmp);
@@ -429,10 +479,10 @@ impl Search<'_> {
 }
 
 /// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
-fn bulge_on(mesh: &SmoothMesh, cylinder: &Cylinder, triangle: usize) -> f64 {
+fn bulge_on(mesh: &SmoothMesh, round: &Round, triangle: usize) -> f64 {
     let [a, b, c] = mesh.corners(triangle).0;
     let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
-    middles.map(|middle| cylinder.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
+    middles.map(|middle| round.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
 }
 
 /// The plane facets that are on the cylinder of a group, as they are asked for.
@@ -464,18 +514,21 @@ impl<'a> FacetsOn<'a> {
     fn is_on(&self, triangle: usize) -> bool {
         let Self {
             search: Search { mesh, facets, is_on_chord, .. },
-            group: Group { cylinder, most, .. },
+            group: Group { round, most, .. },
             near,
             ..
         } = self;
         let normal = facets.with(triangle).next().map(|largest| facet_normal(mesh.corners(largest).0));
-        let round = cylinder.axis.cross(&normal.unwrap_or_else(Vector3::zeros));
+        let around = round.axis().cross(&normal.unwrap_or_else(Vector3::zeros));
         let mut on = [f64::INFINITY, f64::NEG_INFINITY];
         let mut chords = on;
         for triangle in facets.with(triangle) {
             let corners = mesh.corners(triangle).0;
             for (&vertex, point) in mesh.triangles[triangle].iter().zip(&corners) {
-                let distance = cylinder.distance(point);
+                let distance = round.distance(point);
+                if round.distance_from_axis(point) <= *near {
+                    return false;
+                }
                 let range = if distance.abs() <= *near {
                     &mut on
                 } else if is_on_chord[vertex as usize] && -most <= distance && distance < 0.0 {
@@ -483,51 +536,16 @@ impl<'a> FacetsOn<'a> {
                 } else {
                     return false;
                 };
-                let at = round.dot(&point.coords);
+                let at = around.dot(&point.coords);
                 *range = [range[0].min(at), range[1].max(at)];
             }
-            let leans = facet_normal(corners).dot(&cylinder.axis).abs() >= LEAN;
-            if bulge_on(mesh, cylinder, triangle) > *most || leans && sliver_side(corners).is_none() {
+            let leans = facet_normal(corners).dot(&round.ruling(&corners[0])).abs() >= LEAN;
+            if bulge_on(mesh, round, triangle) > *most || leans && sliver_side(corners).is_none() {
                 return false;
             }
         }
         on[0] <= chords[0] && chords[1] <= on[1]
     }
-}
-
-/// By how much the distances of points from a cylinder differ at most, mm, from what their derivatives state after a step to the next
-/// cylinder: the axis moves away from a point to the first order, and to the second past it.
-fn neglected(points: &[Point3<f64>], from: &Cylinder, to: &Cylinder) -> f64 {
-    let past = |point: &Point3<f64>| {
-        let [before, after] = [from, to].map(|cylinder| cylinder.split(point).1);
-        let moved = after - before;
-        moved.norm_squared() - moved.dot(&after).powi(2) / after.norm_squared()
-    };
-    points.iter().map(past).fold(0.0, f64::max) / (2.0 * from.radius.min(to.radius))
-}
-
-/// The cylinder nearest to the points, from one that is close to them, in at most so many steps.
-fn fitted(steps: usize, points: &[Point3<f64>], start: Cylinder) -> Cylinder {
-    shape_fit::fitted(steps, points, start, Cylinder::distances_and_derivatives, Cylinder::moved)
-}
-
-/// The cylinder about a direction whose circle is nearest to the points (Kåsa, A circle fitting procedure and its error analysis,
-/// IEEE Transactions on Instrumentation and Measurement 25, 1976).
-fn circle_about(axis: Unit<Vector3<f64>>, points: &[Point3<f64>]) -> Option<Cylinder> {
-    let middle =
-        Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64);
-    let (first, second) = cross_directions(&axis);
-    let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for point in points {
-        let from = point - middle;
-        let row = Vector3::new(from.dot(&first), from.dot(&second), 1.0);
-        matrix += row * row.transpose();
-        right += row * (row.x * row.x + row.y * row.y);
-    }
-    let solution = matrix.cholesky()?.solve(&right);
-    let [x, y] = [solution.x / 2.0, solution.y / 2.0];
-    let radius = (solution.z + x * x + y * y).sqrt();
-    radius.is_finite().then(|| Cylinder { center: middle + first * x + second * y, axis, radius })
 }
 
 #[cfg(test)]
@@ -659,6 +677,64 @@ mod tests {
                 assert_eq!(doubt, 0.0, "R {radius}, fillet {fillet}");
             }
             assert_eq!(found, 2 * steps, "R {radius}, fillet {fillet}");
+        }
+    }
+
+    /// The largest angle between the normals of vertices on the cone with this radius at a height of 0 and this slope of its side,
+    /// and those of the cone, rad, and the number of such vertices.
+    fn largest_lean(mesh: &SmoothMesh, radius: f64, slope: f64) -> (f64, usize) {
+        let vertices = mesh.positions.iter().zip(&mesh.normals);
+        let leans = vertices.filter_map(|(at, normal)| {
+            let across = at.coords.xy();
+            let exact = Vector3::new(across.x, across.y, slope * across.norm());
+            let is_on = (across.norm() - (radius - slope * at.z)).abs() < 1e-6;
+            is_on.then(|| normal.angle(&exact))
+        });
+        leans.fold((0.0, 0), |(most, count), lean| (most.max(lean), count + 1))
+    }
+
+    #[test]
+    fn normals_of_a_cone_are_exact_however_unevenly_its_rings_are_cut() {
+        for (radius, slope, between) in
+            [(33.0, 0.3, &[60.0][..]), (40.0, -0.1, &[30.0, 60.0]), (30.0, 1.0, &[18.0])]
+        {
+            let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+            let (mut low, mut from) = (uneven(19, 3), 0.0);
+            for (row, &to) in between.iter().enumerate() {
+                let high = uneven(21 + row, 8 + row as u64);
+                let rings = [(radius, from, low.as_slice()), (radius, to, &high)];
+                strip(
+                    &mut positions,
+                    &mut triangles,
+                    rings.map(|(radius, z, cut)| (radius - slope * z, z, cut)),
+                );
+                (low, from) = (high, to);
+            }
+            let (most, count) = largest_lean(&smooth(positions, triangles), radius, slope);
+            assert!(most < 1e-6 && count >= 40, "slope {slope}: {most} rad at {count} vertices");
+        }
+    }
+
+    #[test]
+    fn rings_of_a_vase_are_no_cones() {
+        // Each row of facets between two rings is on a cone. The profile is an arc of 80 mm about a point beside the axis.
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        let ring = |step: i32| {
+            let tilt = 0.12 * f64::from(step);
+            (80.0 * tilt.cos() - 50.0, 80.0 * tilt.sin())
+        };
+        let angles: Vec<f64> = (0..=20).map(|step| f64::from(step) * 0.15).collect();
+        for step in 0..5 {
+            let rings = [ring(step), ring(step + 1)].map(|(radius, z)| (radius, z, angles.as_slice()));
+            strip(&mut positions, &mut triangles, rings);
+        }
+        let vase = smooth(positions, triangles);
+        for (at, normal) in vase.positions.iter().zip(&vase.normals) {
+            let across = at.coords.xy();
+            let is_inside = (9.0..40.0).contains(&at.z) && (0.4..2.6).contains(&at.y.atan2(at.x));
+            let out = across * (1.0 + 50.0 / across.norm());
+            let exact = Vector3::new(out.x, out.y, at.z);
+            assert!(!is_inside || normal.angle(&exact) < 0.01, "{at}: {normal:?} for {exact:?}");
         }
     }
 

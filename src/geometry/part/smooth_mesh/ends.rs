@@ -1,4 +1,4 @@
-//! What follows the ends of a surface of parallel lines, as of a cylinder, along these lines.
+//! What follows the ends of a surface of straight lines, as of a cylinder or a cone, along these lines.
 //!
 //! Two rings of vertices are also on the barrel or the ball that has both; there the facets beyond them are about as long, and lean
 //! as far, as those between them would.
@@ -52,10 +52,15 @@ pub(super) trait Surface {
     fn largest_bulge(&self) -> f64;
 }
 
-/// A surface of parallel lines.
+/// A surface of straight lines that begin and end alike: parallel ones, or those of a cone.
 pub(super) trait Straight: Surface {
-    /// The unit direction of its lines.
-    fn axis(&self) -> Vector3<f64>;
+    /// The unit direction of the line that is nearest to a point.
+    fn ruling(&self, at: &Point3<f64>) -> Vector3<f64>;
+
+    /// How far along its line a point is, mm.
+    fn along(&self, at: &Point3<f64>) -> f64 {
+        at.coords.dot(&self.ruling(at))
+    }
 
     /// How far a point beyond a side of the group is from it, mm, 0 or more.
     fn distance(&self, side: usize, at: &Point3<f64>) -> f64;
@@ -141,9 +146,8 @@ impl<'a> Surroundings<'a> {
         if ends.is_empty() {
             return true;
         }
-        let axis = surface.axis();
         let corners = surface.triangles().iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
-        let along = corners.map(|point| point.coords.dot(&axis));
+        let along = corners.map(|point| surface.along(&point));
         let rims = along
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
         let bulge = surface.largest_bulge();
@@ -153,7 +157,8 @@ impl<'a> Surroundings<'a> {
             let apex = self.mesh.triangles[beyond / 3][(beyond % 3 + 2) % 3];
             let place = |vertex: u32| self.beyond(surface, rims, side, vertex);
             let Some(first) = place(apex) else {
-                if facet_normal(corners).dot(&axis).abs() < STRAIGHT || sliver_side(corners).is_some() {
+                let ruling = surface.ruling(&corners[0]);
+                if facet_normal(corners).dot(&ruling).abs() < STRAIGHT || sliver_side(corners).is_some() {
                     continue;
                 }
                 return false;
@@ -181,7 +186,7 @@ impl<'a> Surroundings<'a> {
         vertex: u32,
     ) -> Option<Beyond> {
         let at = self.mesh.positions[vertex as usize];
-        let along = at.coords.dot(&surface.axis());
+        let along = surface.along(&at);
         let past = (along - high).max(low - along);
         (past > self.near).then(|| Beyond { past, off: surface.distance(side, &at) })
     }

@@ -205,18 +205,21 @@ impl SmoothMesh {
             creases: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals();
-        let is_round = cylinders::settle(&mut smooth, &mut estimated, &mut deviations);
-        spheres::settle(&mut smooth, &mut estimated, &mut deviations, &is_round);
-        smooth.trust(&is_round, &mut deviations);
-        let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, &is_round, &hidden);
+        let rounds = cylinders::settle(&mut smooth, &mut estimated, &mut deviations);
+        let is_round = &rounds.is_cylinder;
+        spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round);
+        smooth.trust(is_round, &mut deviations);
+        let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden);
         let beside = creases.iter().chain(&sharp);
         let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
-        smooth.creases = smooth.edges_between(beside, &is_round);
+        smooth.creases = smooth.edges_between(beside, is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
         smooth.doubt_strips(of_strips);
+        let of_cones = rounds.doubts_of_cones(&smooth);
+        smooth.doubt_strips(of_cones);
         smooth.doubt_flat_shading(mesh);
-        smooth.trust(&is_round, &mut []);
+        smooth.trust(is_round, &mut []);
         smooth
     }
 

@@ -481,7 +481,7 @@ impl Surface for CurveStrip<'_> {
 }
 
 impl Straight for CurveStrip<'_> {
-    fn axis(&self) -> Vector3<f64> {
+    fn ruling(&self, _: &Point3<f64>) -> Vector3<f64> {
         self.curve.axis
     }
 

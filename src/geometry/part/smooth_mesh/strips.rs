@@ -78,11 +78,11 @@ struct Settled {
 }
 
 impl Settled {
-    fn along_curve(strip: &CurveStrip, at_edges: Vec<u32>, hidden: &[HiddenArc]) -> Self {
+    fn along_curve(strip: &CurveStrip, axis: Vector3<f64>, at_edges: Vec<u32>, hidden: &[HiddenArc]) -> Self {
         let triangles = strip.triangles().to_vec();
         let (vertices, normals) = strip.normals();
         let mut doubts = strip.doubts();
-        for arc in hidden.iter().filter(|arc| arc.edge.cross(&strip.axis()).norm() < CONTAINS) {
+        for arc in hidden.iter().filter(|arc| arc.edge.cross(&axis).norm() < CONTAINS) {
             if let Ok(index) = triangles.binary_search(&arc.triangle) {
                 doubts[index] = doubts[index].max(arc.doubt as f32);
             }
@@ -131,7 +131,7 @@ fn certain_strips(
             && surroundings.confirm(&strip)
         {
             strip.triangles().iter().for_each(|&triangle| is_seen[triangle] = true);
-            strips.push(Settled::along_curve(&strip, surroundings.at_edges(&strip), hidden));
+            strips.push(Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden));
             continue;
         }
         let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
@@ -395,7 +395,7 @@ impl Surface for Strip<'_> {
 }
 
 impl Straight for Strip<'_> {
-    fn axis(&self) -> Vector3<f64> {
+    fn ruling(&self, _: &Point3<f64>) -> Vector3<f64> {
         self.axis
     }
 

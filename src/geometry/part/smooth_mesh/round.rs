@@ -1,0 +1,208 @@
+//! A cylinder or a cone that the vertices of facets show.
+
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
+
+use crate::geometry::cone::Cone;
+use crate::geometry::cylinder::Cylinder;
+use crate::geometry::shape_fit::{self, cross_directions};
+
+/// The normals of facets on a cylinder leave the plane across its axis by at most this share of what they turn in it.
+const LEAVES: f64 = 0.1;
+/// Those on a cone leave the plane of their circle by at most this share of what the circle leaves a straight line.
+const OF_BEND: f64 = 0.3;
+/// Facets that turn by less than this, rad, show no axis.
+const LEAST_TURN: f64 = 0.01;
+/// After each of the first steps of a fit, points that are on a cylinder are within what they may be off and so many times what the
+/// step neglects: most strips of other surfaces are dropped after one.
+const FIRST_STEPS: usize = 3;
+const NEGLECTED: f64 = 10.0;
+
+/// The plane of a facet.
+pub(super) struct Plane {
+    pub(super) normal: Vector3<f64>,
+    pub(super) at: Point3<f64>,
+}
+
+/// A round surface of straight lines.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Round {
+    Cylinder(Cylinder),
+    Cone(Cone),
+}
+
+impl Round {
+    /// The cylinder on which the points are, within `near`, mm, and to which facets with these planes belong.
+    pub(super) fn cylinder(
+        planes: &[Plane],
+        points: impl FnOnce() -> Vec<Point3<f64>>,
+        near: f64,
+    ) -> Option<Self> {
+        let sum: Matrix3<f64> = planes.iter().map(|Plane { normal, .. }| normal * normal.transpose()).sum();
+        let spread = sum / planes.len() as f64;
+        let first = planes.first()?.normal;
+        // The second largest eigenvalue is not larger than what any direction leaves of the trace.
+        if 1.0 - first.dot(&(spread * first)) < LEAST_TURN * LEAST_TURN {
+            return None;
+        }
+        let ([off, turn, _], axis) = principal(spread);
+        if turn < LEAST_TURN || off > LEAVES * turn {
+            return None;
+        }
+        let points = points();
+        let is_within = |cylinder: &Cylinder, limit: f64| {
+            points.iter().all(|point| cylinder.distance(point).abs() <= limit)
+        };
+        let mut close = circle_about(axis, &points)?;
+        for _ in 0..FIRST_STEPS {
+            let next = fitted_cylinder(1, &points, close);
+            if !is_within(&next, near + NEGLECTED * neglected(&points, &close, &next)) {
+                return None;
+            }
+            close = next;
+        }
+        let found = fitted_cylinder(shape_fit::MAX_STEPS, &points, close);
+        is_within(&found, near).then_some(Self::Cylinder(found))
+    }
+
+    /// The cone from which a fit to facets with these planes may begin: with the axis of the circle on which the normals of a cone
+    /// are, and the point in which its tangent planes meet.
+    pub(super) fn start_of_cone(planes: &[Plane]) -> Option<Self> {
+        let count = planes.len() as f64;
+        let mean = planes.iter().map(|plane| plane.normal).sum::<Vector3<f64>>() / count;
+        let spread = planes.iter().map(|plane| plane.normal - mean).map(|off| off * off.transpose());
+        let ([thin, bend, turn], axis) = principal(spread.sum::<Matrix3<f64>>() / count);
+        if turn < LEAST_TURN || thin > OF_BEND * bend {
+            return None;
+        }
+        let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for Plane { normal, at } in planes {
+            matrix += normal * normal.transpose();
+            right += normal * normal.dot(&at.coords);
+        }
+        let apex = Point3::from(matrix.cholesky()?.solve(&right));
+        let into = if (planes.first()?.at - apex).dot(&axis) < 0.0 { -axis } else { axis };
+        Some(Self::Cone(Cone { apex, axis: into, half_angle: mean.dot(&into).abs().min(1.0).asin() }))
+    }
+
+    /// The nearest to the points from this one on, if they are on it within `near`, mm, and it is round.
+    pub(super) fn fitted_within(&self, points: &[Point3<f64>], near: f64) -> Option<Self> {
+        let found = self.fitted(points);
+        let is_on = |point: &Point3<f64>| found.distance(point).abs() <= near;
+        let is_round = match &found {
+            Self::Cylinder(cylinder) => cylinder.radius > 0.0,
+            Self::Cone(Cone { apex, axis, half_angle }) => {
+                let is_beyond = |point: &Point3<f64>| {
+                    (point - apex).dot(axis) > 0.0 && found.distance_from_axis(point) > near
+                };
+                *half_angle > 0.0 && *half_angle < std::f64::consts::FRAC_PI_2 && points.iter().all(is_beyond)
+            }
+        };
+        (is_round && points.iter().all(is_on)).then_some(found)
+    }
+
+    /// The nearest to the points from this one on.
+    pub(super) fn fitted(&self, points: &[Point3<f64>]) -> Self {
+        match self {
+            Self::Cylinder(start) => Self::Cylinder(fitted_cylinder(shape_fit::MAX_STEPS, points, *start)),
+            Self::Cone(start) => Self::Cone(fitted_cone(points, *start)),
+        }
+    }
+
+    pub(super) fn axis(&self) -> Unit<Vector3<f64>> {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.axis,
+            Self::Cone(cone) => cone.axis,
+        }
+    }
+
+    /// Signed distance of a point, mm; positive outside.
+    pub(super) fn distance(&self, at: &Point3<f64>) -> f64 {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.distance(at),
+            Self::Cone(cone) => cone.distance(at),
+        }
+    }
+
+    /// How far a point is from the axis, mm. At the apex, a cone has no normal.
+    pub(super) fn distance_from_axis(&self, at: &Point3<f64>) -> f64 {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.split(at).1.norm(),
+            Self::Cone(cone) => cone.split(at).1.norm(),
+        }
+    }
+
+    /// The unit normal away from the axis at a point that is not on it.
+    pub(super) fn outward(&self, at: &Point3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.outward(at),
+            Self::Cone(cone) => cone.outward(at),
+        }
+    }
+
+    /// The unit direction of the straight line beside a point.
+    pub(super) fn ruling(&self, at: &Point3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Cylinder(cylinder) => *cylinder.axis,
+            Self::Cone(cone) => (at - cone.apex).try_normalize(0.0).unwrap_or(*cone.axis),
+        }
+    }
+
+    /// How far along its line a point is, mm.
+    pub(super) fn along(&self, at: &Point3<f64>) -> f64 {
+        match self {
+            Self::Cylinder(cylinder) => at.coords.dot(&cylinder.axis),
+            Self::Cone(cone) => {
+                let (along, radial) = cone.split(at);
+                along * cone.half_angle.cos() + radial.norm() * cone.half_angle.sin()
+            }
+        }
+    }
+}
+
+/// The roots of the eigenvalues of a matrix in ascending order, and the direction of the first.
+fn principal(spread: Matrix3<f64>) -> ([f64; 3], Unit<Vector3<f64>>) {
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let extents = order.map(|index: usize| eigen.eigenvalues[index].max(0.0).sqrt());
+    (extents, Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned()))
+}
+
+/// By how much the distances of points from a cylinder differ at most, mm, from what their derivatives state after a step to the next
+/// cylinder: the axis moves away from a point to the first order, and to the second past it.
+fn neglected(points: &[Point3<f64>], from: &Cylinder, to: &Cylinder) -> f64 {
+    let past = |point: &Point3<f64>| {
+        let [before, after] = [from, to].map(|cylinder| cylinder.split(point).1);
+        let moved = after - before;
+        moved.norm_squared() - moved.dot(&after).powi(2) / after.norm_squared()
+    };
+    points.iter().map(past).fold(0.0, f64::max) / (2.0 * from.radius.min(to.radius))
+}
+
+/// The cylinder nearest to the points, from one that is close to them, in at most so many steps.
+fn fitted_cylinder(steps: usize, points: &[Point3<f64>], start: Cylinder) -> Cylinder {
+    shape_fit::fitted(steps, points, start, Cylinder::distances_and_derivatives, Cylinder::moved)
+}
+
+fn fitted_cone(points: &[Point3<f64>], start: Cone) -> Cone {
+    shape_fit::fitted(shape_fit::MAX_STEPS, points, start, Cone::distances_and_derivatives, Cone::moved)
+}
+
+/// The cylinder about a direction whose circle is nearest to the points (Kåsa, A circle fitting procedure and its error analysis,
+/// IEEE Transactions on Instrumentation and Measurement 25, 1976).
+fn circle_about(axis: Unit<Vector3<f64>>, points: &[Point3<f64>]) -> Option<Cylinder> {
+    let middle =
+        Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64);
+    let (first, second) = cross_directions(&axis);
+    let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for point in points {
+        let from = point - middle;
+        let row = Vector3::new(from.dot(&first), from.dot(&second), 1.0);
+        matrix += row * row.transpose();
+        right += row * (row.x * row.x + row.y * row.y);
+    }
+    let solution = matrix.cholesky()?.solve(&right);
+    let [x, y] = [solution.x / 2.0, solution.y / 2.0];
+    let radius = (solution.z + x * x + y * y).sqrt();
+    radius.is_finite().then(|| Cylinder { center: middle + first * x + second * y, axis, radius })
+}
