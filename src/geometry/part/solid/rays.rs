@@ -1,7 +1,5 @@
 //! Where the laser's axis meets the faces of a solid, computed on their exact surfaces.
 
-use std::cell::Cell;
-
 use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
 
 use super::bezier::{BezierPatch, Jet, projected};
@@ -240,6 +238,12 @@ pub fn first_of(hits: &[FaceHit]) -> Option<FaceHit> {
     Some(inside.filter(near).unwrap_or(first))
 }
 
+/// Below this height, mm, the places inside faces hide everything.
+fn hidden_below(hits: &[FaceHit]) -> f64 {
+    let inside = hits.iter().filter(|hit| hit.is_inside).map(|hit| hit.height - HIDDEN);
+    inside.fold(f64::NEG_INFINITY, f64::max)
+}
+
 impl SeenFace {
     fn new(solid: &Solid, face: &Face, size: f64) -> Self {
         let lines = || face.sides().map(|side| &solid.edges[side.edge as usize].points);
@@ -307,40 +311,25 @@ impl SeenFace {
     /// Adds the places at which the axis of the laser through `at` meets the face, but not those that the other hits hide.
     /// `start` is where the last one was, which is near on the way along a line.
     pub fn hits(&self, index: u32, at: Vector2<f64>, start: &mut Start, hits: &mut Vec<FaceHit>) {
-        let inside = hits.iter().filter(|hit| hit.is_inside).map(|hit| hit.height - HIDDEN);
-        let hidden_below = Cell::new(inside.fold(f64::NEG_INFINITY, f64::max));
-        let mut add = |Met { height, parameters, normal }: Met, may_be_inside: bool| {
-            if !height.is_finite() || height < hidden_below.get() {
-                return;
-            }
-            let is_inside = may_be_inside && self.trimming.contains(parameters);
-            if is_inside {
-                hidden_below.set(hidden_below.get().max(height - HIDDEN));
-            }
-            if is_inside || self.is_on_rim(Point3::new(at.x, at.y, height)) {
-                let normal = normal.unwrap_or_else(|| self.surface.normal(parameters));
-                let normal = if self.is_same_sense { normal } else { -normal };
-                hits.push(FaceHit { height, normal, face: index, is_inside });
-            }
-        };
+        let mut add = |met: Met| self.add(index, at, met, true, hits);
         match &self.surface {
             Surface::Plane(frame) => {
                 if frame.z.z.abs() > 1e-12 {
                     let from = Point3::new(at.x, at.y, 0.0) - frame.origin;
                     let height = -from.dot(&frame.z) / frame.z.z;
                     let local = frame.local(&Point3::new(at.x, at.y, height));
-                    add(Met::at(height, local.xy()), true);
+                    add(Met::at(height, local.xy()));
                 }
             }
             Surface::Cylinder(frame, radius) => {
                 for (height, local) in quadric(frame, at, [1.0, 1.0, 0.0], 0.0, radius * radius) {
-                    add(Met::at(height, Vector2::new(local.y.atan2(local.x), local.z)), true);
+                    add(Met::at(height, Vector2::new(local.y.atan2(local.x), local.z)));
                 }
             }
             Surface::Sphere(frame, radius) => {
                 for (height, local) in quadric(frame, at, [1.0, 1.0, 1.0], 0.0, radius * radius) {
                     let up = local.z.atan2(local.x.hypot(local.y));
-                    add(Met::at(height, Vector2::new(local.y.atan2(local.x), up)), true);
+                    add(Met::at(height, Vector2::new(local.y.atan2(local.x), up)));
                 }
             }
             Surface::Cone(frame, radius, tangent) => {
@@ -349,14 +338,15 @@ impl SeenFace {
                 let found = quadric(frame, at, [1.0, 1.0, -tangent * tangent], linear, radius * radius);
                 for (height, local) in found {
                     let side = if radius + tangent * local.z < 0.0 { -1.0 } else { 1.0 };
-                    add(Met::at(height, Vector2::new((local.y * side).atan2(local.x * side), local.z)), true);
+                    add(Met::at(height, Vector2::new((local.y * side).atan2(local.x * side), local.z)));
                 }
             }
             Surface::Patches(patches) => {
                 let domain = patches.domain();
                 for (number, part) in self.parts.at(at.y, self.rim) {
-                    if part.top >= hidden_below.get() {
+                    if part.top >= hidden_below(hits) {
                         let mut near = start.0.filter(|(of, _)| *of == number).map(|(_, place)| place);
+                        let mut add = |met: Met, is_inside: bool| self.add(index, at, met, is_inside, hits);
                         part.meet(at, self.rim, domain, &mut near, &mut add);
                         if let Some(place) = near {
                             *start = Start(Some((number, place)));
@@ -365,6 +355,20 @@ impl SeenFace {
                 }
             }
             Surface::Unread(_) => {}
+        }
+    }
+
+    /// Adds a place at which the axis meets the surface, if it is on the face and not hidden.
+    fn add(&self, index: u32, at: Vector2<f64>, met: Met, may_be_inside: bool, hits: &mut Vec<FaceHit>) {
+        let Met { height, parameters, normal } = met;
+        if !height.is_finite() || height < hidden_below(hits) {
+            return;
+        }
+        let is_inside = may_be_inside && self.trimming.contains(parameters);
+        if is_inside || self.is_on_rim(Point3::new(at.x, at.y, height)) {
+            let normal = normal.unwrap_or_else(|| self.surface.normal(parameters));
+            let normal = if self.is_same_sense { normal } else { -normal };
+            hits.push(FaceHit { height, normal, face: index, is_inside });
         }
     }
 
