@@ -291,21 +291,25 @@ impl FittedSurface {
 
     /// A surface with samples of the part; measures the residual between them.
     pub fn compare(nurbs: NurbsSurface, field: HeightField) -> Self {
-        let fitted = heights_at_nodes(&nurbs, &field);
         let mut differences = vec![0.0; field.nodes().len()];
         let (mut largest, mut squares, mut at) = (0.0f64, 0.0, field.position(0, 0));
-        let mut sizes = Vec::new();
+        let mut sizes = Vec::with_capacity(field.nodes().len());
         let (columns, _) = field.size();
-        for (column, row, height) in field.surface_nodes() {
-            let node = row * columns + column;
-            let difference = height - fitted[node];
-            differences[node] = difference;
-            squares += difference * difference;
-            sizes.push(difference.abs());
-            if difference.abs() > largest {
-                (largest, at) = (difference.abs(), field.position(column, row));
+        let (xs, ys) = field.grid().coordinates();
+        nurbs.for_each_row(&xs, &ys, |row, fitted| {
+            let nodes = row * columns..(row + 1) * columns;
+            let rows = field.nodes()[nodes.clone()].iter().zip(&mut differences[nodes]).zip(fitted);
+            for (column, ((node, kept), fitted)) in rows.enumerate() {
+                let Node::Surface(height) = node else { continue };
+                let difference = height - fitted;
+                *kept = difference;
+                squares += difference * difference;
+                sizes.push(difference.abs());
+                if difference.abs() > largest {
+                    (largest, at) = (difference.abs(), field.position(column, row));
+                }
             }
-        }
+        });
         let nodes = sizes.len();
         let rms = (squares / nodes.max(1) as f64).sqrt();
         let residual = Residual { max: largest, at, rms, p95: p95(sizes), nodes };
@@ -378,10 +382,10 @@ impl FittedSurface {
     /// Height of the sampled part, mm: the fit plus its residual at the nodes, interpolated bilinearly; `None` where
     /// there is no smooth surface.
     pub fn sampled_height(&self, at: ViewPoint) -> Option<f64> {
-        if !self.field.is_surface(at) {
-            return None;
-        }
-        Some(self.nurbs.height(at) + self.difference(at))
+        let (column, row, place) = self.field.cell(at)?;
+        let nodes = self.field.cell_nodes(column, row);
+        let is_surface = |&node: &usize| matches!(self.field.nodes()[node], Node::Surface(_));
+        nodes.iter().all(is_surface).then(|| self.nurbs.height(at) + self.between(nodes, place))
     }
 
     /// The surface with its smooth continuation outside the part limited to the heights between the lowest and the
@@ -408,8 +412,13 @@ impl FittedSurface {
 
     /// Height of the sampled part minus height of the fit, mm; 0 outside the field.
     pub fn difference(&self, at: ViewPoint) -> f64 {
-        let Some((column, row, place)) = self.field.cell(at) else { return 0.0 };
-        let [a, b, c, d] = self.field.cell_nodes(column, row).map(|index| self.differences[index]);
+        let cell = self.field.cell(at);
+        cell.map_or(0.0, |(column, row, place)| self.between(self.field.cell_nodes(column, row), place))
+    }
+
+    /// The differences at the nodes of a cell, interpolated bilinearly at a place in it, mm.
+    fn between(&self, nodes: [usize; 4], place: Vector2<f64>) -> f64 {
+        let [a, b, c, d] = nodes.map(|index| self.differences[index]);
         let (left, right) = (Vector2::new(1.0 - place.x, place.x), Vector2::new(1.0 - place.y, place.y));
         right.x * (left.x * a + left.y * b) + right.y * (left.x * c + left.y * d)
     }

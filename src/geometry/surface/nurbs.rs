@@ -112,20 +112,29 @@ impl NurbsSurface {
 
     /// Heights at every pair of `xs` and `ys`, mm, row by row: the same as [`height`](Self::height), in less time.
     pub fn heights_over(&self, xs: &[f64], ys: &[f64]) -> Vec<f64> {
+        let mut heights = Vec::with_capacity(xs.len() * ys.len());
+        self.for_each_row(xs, ys, |_, row| heights.extend_from_slice(row));
+        heights
+    }
+
+    /// Calls `take` with the number of each of `ys` and the heights, mm, at all of `xs` there.
+    pub(super) fn for_each_row(&self, xs: &[f64], ys: &[f64], mut take: impl FnMut(usize, &[f64])) {
         let columns = self.knots_x.control_points();
         let along: Vec<Basis> = xs.iter().map(|&x| self.knots_x.basis(x)).collect();
-        let mut heights = Vec::with_capacity(xs.len() * ys.len());
+        let mut heights = vec![0.0; xs.len()];
         let mut line = vec![0.0; columns];
-        for &y in ys {
+        for (row, &y) in ys.iter().enumerate() {
             let y = self.knots_y.basis(y);
             let [a, b, c, d] = [0, 1, 2, 3].map(|row| &self.heights[(y.first + row) * columns..][..columns]);
             for (column, sum) in line.iter_mut().enumerate() {
                 *sum = (y.value[0] * a[column] + y.value[1] * b[column])
                     + (y.value[2] * c[column] + y.value[3] * d[column]);
             }
-            heights.extend(along.iter().map(|x| Self::along(&line[x.first..x.first + 4], &x.value)));
+            for (height, x) in heights.iter_mut().zip(&along) {
+                *height = Self::along(&line[x.first..x.first + 4], &x.value);
+            }
+            take(row, &heights);
         }
-        heights
     }
 
     /// Height, gradient and second derivatives at a point of the view; outside the domain the border polynomials are

@@ -11,11 +11,27 @@ use crate::geometry::surface::nurbs::SurfaceJet;
 /// opposing strains are as strong there.
 const KNEE: f64 = 1.25;
 
+/// Values and first derivatives of the four nonzero basis functions at a place: there are many, and second derivatives are not needed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Along {
+    /// Index of the first of the four control points.
+    pub(super) first: usize,
+    pub(super) value: [f64; 4],
+    /// 1/mm.
+    pub(super) slope: [f64; 4],
+}
+
+impl From<Basis> for Along {
+    fn from(Basis { first, value, slope, .. }: Basis) -> Self {
+        Self { first, value, slope }
+    }
+}
+
 /// A place of the drawing with the weights of the strains that are measured there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sample {
-    pub(super) s: Basis,
-    pub(super) t: Basis,
+    pub(super) s: Along,
+    pub(super) t: Along,
     /// Unit direction of the line at this place; zero without a line.
     direction: Vector2<f64>,
     pub(super) line: f64,
@@ -88,6 +104,7 @@ const ALL_ROUND: [Vector2<f64>; 4] = {
 impl Sample {
     /// A place with all weights zero.
     pub(super) fn at(s: Basis, t: Basis) -> Self {
+        let [s, t] = [s, t].map(Along::from);
         Self { s, t, direction: Vector2::zeros(), line: 0.0, area: 0.0, all_round: 0.0, ink: 0.0, angle: 0.0 }
     }
 
@@ -123,8 +140,8 @@ pub(super) fn samples(
 ) -> Vec<Sample> {
     let at = |place: Vector2<f64>| Sample::at(knots_s.basis(place.x), knots_t.basis(place.y));
     let (columns, rows) = (knots_s.spans(), knots_t.spans());
-    let mut samples =
-        Vec::with_capacity(8 * columns * rows + ink.pieces.len().min(most_places.saturating_mul(4)));
+    let most = (4 + parts * parts) * columns * rows + ink.pieces.len().min(most_places.saturating_mul(4));
+    let mut samples = Vec::with_capacity(most);
     // Two Gauss points per cell and direction integrate cubics exactly.
     let gauss = [0.5 - (1.0f64 / 12.0).sqrt(), 0.5 + (1.0f64 / 12.0).sqrt()];
     for cell in 0..columns * rows {
@@ -177,10 +194,29 @@ pub(super) fn samples(
             });
         }
     }
-    // Samples are large, so that their indices are sorted.
+    // Samples are large, so that their indices are sorted, and no list of them is written twice.
     let mut order: Vec<u32> = (0..samples.len() as u32).collect();
     order.sort_by_key(|index| samples[*index as usize].cell());
-    order.into_iter().map(|index| samples[index as usize]).collect()
+    rearrange(&mut samples, &mut order);
+    samples
+}
+
+/// Moves to each place the thing that `order` names for it, along the cycles of this permutation.
+fn rearrange<T: Copy>(things: &mut [T], order: &mut [u32]) {
+    for start in 0..things.len() {
+        let first = things[start];
+        let mut at = start;
+        loop {
+            // A place is done when it names itself.
+            let from = std::mem::replace(&mut order[at], at as u32) as usize;
+            if from == start {
+                things[at] = first;
+                break;
+            }
+            things[at] = things[from];
+            at = from;
+        }
+    }
 }
 
 /// Most divisions of a cell along a side at which lines are gathered.
@@ -439,5 +475,20 @@ impl Strain {
             let derivative = std::array::from_fn(|quantity| std::array::from_fn(|axis| part(quantity, axis)));
             (shear.dot(&unit) * factor, derivative)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn things_are_rearranged_as_their_order_says() {
+        let things = [10, 11, 12, 13, 14, 15];
+        for order in [[0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0], [1, 2, 0, 3, 5, 4], [3, 0, 5, 1, 2, 4]] {
+            let mut rearranged = things;
+            rearrange(&mut rearranged, &mut order.clone());
+            assert_eq!(rearranged, order.map(|index: u32| things[index as usize]));
+        }
     }
 }
