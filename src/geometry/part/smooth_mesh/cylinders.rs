@@ -392,7 +392,7 @@ impl Search<'_> {
             return cylinder;
         }
         let start = Round::start_of_cone(&planes)?;
-        let cone = start.fitted_within(&self.some_points(strip, None), self.near);
+        let cone = Round::cone(start, &self.some_points(strip, None), self.near);
         if cone.is_some_and(|cone| self.ends_as_cone(strip, &cone)) {
             return cone;
         }

@@ -215,9 +215,9 @@ impl SmoothMesh {
         smooth.creases = smooth.edges_between(beside, is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
-        smooth.doubt_strips(of_strips);
+        smooth.replace_slope_doubts(of_strips);
         let of_cones = rounds.doubts_of_cones(&smooth);
-        smooth.doubt_strips(of_cones);
+        smooth.replace_slope_doubts(of_cones);
         smooth.doubt_flat_shading(mesh);
         smooth.trust(is_round, &mut []);
         smooth
@@ -234,7 +234,7 @@ impl SmoothMesh {
     }
 
     /// Replaces the doubts of the slopes of some triangles.
-    fn doubt_strips(&mut self, doubts: Vec<(usize, f32)>) {
+    fn replace_slope_doubts(&mut self, doubts: Vec<(usize, f32)>) {
         if !doubts.is_empty() {
             self.slope_doubts.resize(self.triangles.len(), 0.0);
         }

@@ -66,7 +66,7 @@ impl Round {
 
     /// The cone from which a fit to facets with these planes may begin: with the axis of the circle on which the normals of a cone
     /// are, and the point in which its tangent planes meet.
-    pub(super) fn start_of_cone(planes: &[Plane]) -> Option<Self> {
+    pub(super) fn start_of_cone(planes: &[Plane]) -> Option<Cone> {
         let count = planes.len() as f64;
         let mean = planes.iter().map(|plane| plane.normal).sum::<Vector3<f64>>() / count;
         let spread = planes.iter().map(|plane| plane.normal - mean).map(|off| off * off.transpose());
@@ -81,23 +81,18 @@ impl Round {
         }
         let apex = Point3::from(matrix.cholesky()?.solve(&right));
         let into = if (planes.first()?.at - apex).dot(&axis) < 0.0 { -axis } else { axis };
-        Some(Self::Cone(Cone { apex, axis: into, half_angle: mean.dot(&into).abs().min(1.0).asin() }))
+        Some(Cone { apex, axis: into, half_angle: mean.dot(&into).abs().min(1.0).asin() })
     }
 
-    /// The nearest to the points from this one on, if they are on it within `near`, mm, and it is round.
-    pub(super) fn fitted_within(&self, points: &[Point3<f64>], near: f64) -> Option<Self> {
-        let found = self.fitted(points);
-        let is_on = |point: &Point3<f64>| found.distance(point).abs() <= near;
-        let is_round = match &found {
-            Self::Cylinder(cylinder) => cylinder.radius > 0.0,
-            Self::Cone(Cone { apex, axis, half_angle }) => {
-                let is_beyond = |point: &Point3<f64>| {
-                    (point - apex).dot(axis) > 0.0 && found.distance_from_axis(point) > near
-                };
-                *half_angle > 0.0 && *half_angle < std::f64::consts::FRAC_PI_2 && points.iter().all(is_beyond)
-            }
+    /// The cone on which the points are, within `near`, mm, found from `start`; beyond its apex, where it has normals.
+    pub(super) fn cone(start: Cone, points: &[Point3<f64>], near: f64) -> Option<Self> {
+        let found = fitted_cone(points, start);
+        let is_on = |point: &Point3<f64>| {
+            let (along, radial) = found.split(point);
+            along > 0.0 && radial.norm() > near && found.distance(point).abs() <= near
         };
-        (is_round && points.iter().all(is_on)).then_some(found)
+        let is_round = found.half_angle > 0.0 && found.half_angle < std::f64::consts::FRAC_PI_2;
+        (is_round && points.iter().all(is_on)).then_some(Self::Cone(found))
     }
 
     /// The nearest to the points from this one on.
