@@ -1,7 +1,7 @@
 //! Fitted surfaces on disk, one folder for each SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v17/                one folder for each format version
+//! <cache>/v18/                one folder for each format version
 //! └── <sku>/
 //!     ├── current.toml        the current part of the SKU
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
@@ -40,7 +40,7 @@ pub use shared::SharedSurfaces;
 pub use task::FitTask;
 
 /// Version of the file format and of the fit: increased whenever either changes.
-const VERSION: u32 = 17;
+const VERSION: u32 = 18;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 const MESH_MAGIC: &[u8; 12] = b"isomark mesh";
 /// Magic, version, hash of the body.
@@ -189,8 +189,8 @@ struct Record {
     node_heights: Vec<f64>,
     /// One for each node, or none at all.
     doubts: Vec<f64>,
-    /// One for each node, or none at all.
-    uncertainties: Vec<(f32, f32)>,
+    /// Number of nodes, slope and height: most nodes are as those beside them. All nodes, or none at all.
+    uncertainties: Vec<(usize, f32, f32)>,
     /// One distance for each node, or none at all.
     mark: Vec<f32>,
 }
@@ -551,7 +551,7 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         Node::Empty => None,
         Node::Wall(height) | Node::Surface(height) => Some(*height),
     };
-    let uncertainties = kept.surface.uncertainties();
+    let alike = kept.surface.uncertainties().chunk_by(|one, other| one == other);
     let record = Record {
         origin: kept.origin.clone(),
         facts: serde_json::to_string(&kept.facts).map_err(io::Error::other)?,
@@ -565,7 +565,7 @@ fn encode(kept: &CachedSurface) -> io::Result<Vec<u8>> {
         node_kinds: field.nodes().iter().map(kind).collect(),
         node_heights: field.nodes().iter().filter_map(height).collect(),
         doubts: kept.surface.doubts().to_vec(),
-        uncertainties: uncertainties.iter().map(|node| (node.slope, node.height)).collect(),
+        uncertainties: alike.map(|run| (run.len(), run[0].slope, run[0].height)).collect(),
         mark: kept.mark.as_ref().map(|mark| mark.distances().to_vec()).unwrap_or_default(),
     };
     sealed(&record, MAGIC)
@@ -656,11 +656,13 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
     };
     let nodes: Vec<Node> = kinds.iter().map(node).collect();
     let doubts = body.numbers()?;
-    let uncertainty = |[a, b, c, d, height @ ..]: &[u8; 8]| Uncertainty {
-        slope: f32::from_le_bytes([*a, *b, *c, *d]),
-        height: f32::from_le_bytes(*height),
-    };
-    let uncertainties = body.list()?.iter().map(uncertainty).collect();
+    let mut uncertainties = Vec::new();
+    for (count, slope, height) in body.next::<Vec<(usize, f32, f32)>>()? {
+        if count > nodes.len() - uncertainties.len() {
+            return Err("there are more uncertainties than nodes".into());
+        }
+        uncertainties.resize(uncertainties.len() + count, Uncertainty { slope, height });
+    }
     let mark: Vec<f32> = body.list()?.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
     let nurbs = NurbsSurface::new(knots_x, knots_y, heights);
     let field = HeightField::new(Vector2::from(origin_of_field), step, columns, rows, nodes);
@@ -730,9 +732,9 @@ mod tests {
         let key = |settings: &PartSettings| {
             CacheKey::new("ab12", &canonical::surface(settings, &FitOptions::default())).0
         };
-        // BLAKE3 from another program: of "isomark fit 17", "ab12" and the pinned text of the settings, one per line.
-        assert_eq!(key(&PartSettings::default()), "a923f6946446f5b0d03cf269341b9227");
-        assert_eq!(key(&everything().part), "fe1636962432964f5dd1b47c068e5860");
+        // BLAKE3 from another program: of "isomark fit 18", "ab12" and the pinned text of the settings, one per line.
+        assert_eq!(key(&PartSettings::default()), "ac8e327268bc22169661c40404617fbc");
+        assert_eq!(key(&everything().part), "f411587c1d501f12f42d77a740ee478b");
     }
 
     #[test]
