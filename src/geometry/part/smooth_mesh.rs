@@ -92,13 +92,24 @@ impl SmoothMesh {
     pub(super) fn patch(&self, triangle: usize) -> CurvedTriangle {
         let (corners, normals) = self.corners(triangle);
         let mut edges = [None; 3];
-        if !self.creases.is_empty() {
-            let first = self.creases.partition_point(|crease| (crease.side as usize) < triangle * 3);
-            let creases =
-                self.creases[first..].iter().take_while(|crease| crease.side as usize / 3 == triangle);
-            creases.for_each(|crease| edges[crease.side as usize % 3] = Some(crease.directions));
+        for crease in self.creases_of(triangle) {
+            edges[crease.side as usize % 3] = Some(crease.directions);
         }
         CurvedTriangle::beside_edges(corners, normals, edges)
+    }
+
+    /// At least the largest bulge of the patch over a triangle, mm; infinite where that takes as long as the patch.
+    pub(super) fn most_bulge(&self, triangle: usize) -> f64 {
+        if self.creases_of(triangle).next().is_some() {
+            return f64::INFINITY;
+        }
+        let (corners, normals) = self.corners(triangle);
+        CurvedTriangle::most_bulge(corners, normals)
+    }
+
+    fn creases_of(&self, triangle: usize) -> impl Iterator<Item = &Crease> {
+        let first = self.creases.partition_point(|crease| (crease.side as usize) < triangle * 3);
+        self.creases[first..].iter().take_while(move |crease| crease.side as usize / 3 == triangle)
     }
 
     /// How far a triangle reaches along the directions in which its normals turn notably, mm: the width of a facet of a strip, the
