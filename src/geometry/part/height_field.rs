@@ -455,8 +455,9 @@ impl Outline {
 
     /// Whether a point may be within the reach of the triangle; nothing else is.
     fn is_near(&self, at: Vector2<f64>) -> bool {
-        let is_beyond =
-            |(from, across): &(Vector2<f64>, Vector2<f64>)| across.dot(&(at - from)) > self.reach * across.norm();
+        let is_beyond = |(from, across): &(Vector2<f64>, Vector2<f64>)| {
+            across.dot(&(at - from)) > self.reach * across.norm()
+        };
         !self.sides.iter().any(is_beyond)
     }
 }

@@ -10,7 +10,7 @@ const FIRST_OF_THIRD: usize = 5;
 
 /// Where the sides at a vertex deviate from the surface by less than this, mm, the vertex keeps its normal: the first
 /// estimate is wrong by only a few per cent of the deviation, and fine meshes have many vertices.
-const NEGLIGIBLE_RISE: f64 = 1e-3;
+pub(super) const NEGLIGIBLE_RISE: f64 = 1e-3;
 
 /// Maximum number of neighbours used for one vertex.
 const MAX_NEIGHBOURS: usize = 64;

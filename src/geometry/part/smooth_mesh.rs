@@ -78,6 +78,18 @@ pub(super) struct Crease {
 }
 
 impl SmoothMesh {
+    /// For each vertex whether a side there has no continuation.
+    fn rim(&self) -> Vec<bool> {
+        let mut is_at_rim = vec![false; self.positions.len()];
+        for (corners, continued) in self.triangles.iter().zip(self.continued.chunks_exact(3)) {
+            for side in (0..3).filter(|&side| continued[side] == NONE) {
+                is_at_rim[corners[side] as usize] = true;
+                is_at_rim[corners[(side + 1) % 3] as usize] = true;
+            }
+        }
+        is_at_rim
+    }
+
     /// The corners of a triangle and their normals.
     #[inline]
     pub fn corners(&self, triangle: usize) -> ([Point3<f64>; 3], [Vector3<f64>; 3]) {
@@ -139,6 +151,19 @@ impl SmoothMesh {
     pub(super) fn ends(&self, side: usize) -> [Point3<f64>; 2] {
         let corners = self.triangles[side / 3];
         [side % 3, (side % 3 + 1) % 3].map(|corner| self.positions[corners[corner] as usize])
+    }
+
+    /// Visits the vertices at the ends of each side; a side that another one continues only once.
+    fn for_each_edge(&self, mut visit: impl FnMut([u32; 2])) {
+        for (triangle, corners) in self.triangles.iter().enumerate() {
+            for corner in 0..3 {
+                let side = 3 * triangle + corner;
+                let is_first = self.continued[side] as usize > side || self.continuing(side).is_none();
+                if is_first {
+                    visit([corners[corner], corners[(corner + 1) % 3]]);
+                }
+            }
+        }
     }
 
     /// The side that continues one, if both have the same vertices: those of cylinders have their own at edges.

@@ -48,24 +48,38 @@ const MOST_NEIGHBOURS: usize = 64;
 pub(super) struct Chains<'a> {
     mesh: &'a SmoothMesh,
     around: &'a Neighbours,
-    /// For each vertex the mean of n·nᵀ over the normals n of its facets.
+    /// For each chosen vertex its place in `facets`.
+    places: Vec<u32>,
+    /// The means of n·nᵀ over the normals n of the facets round a vertex.
     facets: Vec<Matrix3<f64>>,
 }
 
 impl<'a> Chains<'a> {
-    pub(super) fn of(mesh: &'a SmoothMesh, around: &'a Neighbours) -> Self {
-        let mut facets = vec![Matrix3::zeros(); mesh.positions.len()];
-        let mut counts = vec![0u32; mesh.positions.len()];
+    /// Those of the sides between `chosen` vertices, one flag for each; `around` has the neighbours of all vertices within a side of
+    /// these.
+    pub(super) fn of(mesh: &'a SmoothMesh, around: &'a Neighbours, chosen: &[bool]) -> Self {
+        let mut places = vec![0; chosen.len()];
+        let mut count = 0;
+        for (place, _) in places.iter_mut().zip(chosen).filter(|(_, chosen)| **chosen) {
+            *place = count;
+            count += 1;
+        }
+        let mut facets = vec![(Matrix3::zeros(), 0u32); count as usize];
         for (triangle, corners) in mesh.triangles.iter().enumerate() {
+            let mut corners = corners.iter().filter(|&&vertex| chosen[vertex as usize]).peekable();
+            if corners.peek().is_none() {
+                continue;
+            }
             let normal = facet_normal(mesh.corners(triangle).0);
             let product = normal * normal.transpose();
             for &vertex in corners {
-                facets[vertex as usize] += product;
-                counts[vertex as usize] += 1;
+                let (sum, count) = &mut facets[places[vertex as usize] as usize];
+                *sum += product;
+                *count += 1;
             }
         }
-        facets.iter_mut().zip(counts).for_each(|(sum, count)| *sum /= f64::from(count.max(1)));
-        Self { mesh, around, facets }
+        let facets = facets.into_iter().map(|(sum, count)| sum / f64::from(count.max(1))).collect();
+        Self { mesh, around, places, facets }
     }
 
     /// The error of the slope over a side, rad, root mean square, if the curve through its ends is made of tangent arcs; 0 for
@@ -167,7 +181,8 @@ impl<'a> Chains<'a> {
         others.copied().any(|to| {
             let side = self.mesh.positions[to as usize] - self.mesh.positions[one as usize];
             let Some(ruling) = side.try_normalize(0.0) else { return false };
-            let off = |vertex: u32| ruling.dot(&(self.facets[vertex as usize] * ruling));
+            let off =
+                |vertex: u32| ruling.dot(&(self.facets[self.places[vertex as usize] as usize] * ruling));
             off(one) <= most && off(other) <= most
         })
     }

@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
-use crate::geometry::adjacency::{NONE, Neighbours};
+use crate::geometry::adjacency::{NONE, Neighbours, spread};
 
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
 /// of a cubic is (1 − s)(1 − 3s) times that error at the share s of the side.
@@ -63,27 +63,26 @@ impl SmoothMesh {
         deviations: &[f64],
         hidden: &[HiddenArc],
     ) -> Vec<f32> {
-        let mut slots = vec![NONE; self.triangles.len()];
-        let mut normals: Vec<[Vector3<f64>; 3]> = Vec::new();
-        for (triangle, slot) in slots.iter_mut().enumerate() {
-            if self.faces_laser(triangle) && self.bulges(triangle) {
-                *slot = normals.len() as u32;
-                normals.push(self.patch(triangle).normals_beside());
-            }
-        }
-        if normals.is_empty() && hidden.is_empty() {
+        let bulging = |&triangle: &usize| self.faces_laser(triangle) && self.bulges(triangle);
+        let bulging: Vec<usize> = (0..self.triangles.len()).filter(bulging).collect();
+        if bulging.is_empty() && hidden.is_empty() {
             return Vec::new();
         }
-        let around = Neighbours::of(&self.triangles, self.positions.len());
-        let mut is_at_rim = vec![false; self.positions.len()];
-        for side in (0..self.continued.len()).filter(|&side| self.continued[side] == NONE) {
-            let corners = self.triangles[side / 3];
-            for corner in [side % 3, (side % 3 + 1) % 3] {
-                is_at_rim[corners[corner] as usize] = true;
-            }
-        }
-        let scatter = self.scatter(&is_at_rim, &around);
-        let chains = estimated.contains(&true).then(|| Chains::of(self, &around));
+        // For each triangle which of the patches is its own, from 1 on.
+        let mut patches = vec![0u32; self.triangles.len()];
+        bulging.iter().zip(1..).for_each(|(&triangle, number)| patches[triangle] = number);
+        let normals: Vec<[Vector3<f64>; 3]> =
+            bulging.iter().map(|&triangle| self.patch(triangle).normals_beside()).collect();
+        let of_patch = |triangle: usize| normals.get((patches.get(triangle)?.checked_sub(1)?) as usize);
+        let mut is_corner = vec![false; self.positions.len()];
+        let corners = bulging.iter().flat_map(|&triangle| self.triangles[triangle]);
+        corners.for_each(|vertex| is_corner[vertex as usize] = true);
+        let mut is_near = is_corner.clone();
+        spread(&mut is_near, &self.triangles, 2);
+        let around = Neighbours::of_chosen(&self.triangles, &is_near);
+        let is_at_rim = self.rim();
+        let scatter = self.scatter(&is_at_rim, &around, &is_corner);
+        let chains = estimated.contains(&true).then(|| Chains::of(self, &around, &is_corner));
         let of_chords = |triangle: usize| {
             let Some(chains) = &chains else { return 0.0 };
             let corners = self.triangles[triangle];
@@ -91,15 +90,12 @@ impl SmoothMesh {
             let open = sides.into_iter().filter(|side| side.iter().any(|&end| estimated[end as usize]));
             open.map(|side| chains.doubt(side)).fold(0.0, f64::max)
         };
-        let doubt = |triangle: usize| {
-            let Some(own) = normals.get(slots[triangle] as usize) else { return 0.0 };
+        let doubt = |triangle: usize, own: &[Vector3<f64>; 3]| {
             let (mut squares, mut count) = (0.0, 0.0);
             let (corners, is_extruded) = (self.triangles[triangle], is_on_strip(self.turns(triangle)));
             for (side, normal) in own.iter().enumerate() {
                 let other = self.continued[3 * triangle + side] as usize;
-                let Some(beyond) = slots.get(other / 3).and_then(|&slot| normals.get(slot as usize)) else {
-                    continue;
-                };
+                let Some(beyond) = of_patch(other / 3) else { continue };
                 let apart = normal.cross(&beyond[other % 3]).norm() / 2.0;
                 let of_twist = if is_extruded { 0.0 } else { self.twist_doubt(triangle, side, normal) };
                 squares += apart.max(of_twist).powi(2);
@@ -117,7 +113,8 @@ impl SmoothMesh {
             let of_shape = (of_patches + of_curve.powi(2)).max(of_vertices);
             (of_shape + OF_NORMALS.powi(2) * of_normals).sqrt() as f32
         };
-        let mut doubts: Vec<f32> = (0..self.triangles.len()).map(doubt).collect();
+        let mut doubts = vec![0.0; self.triangles.len()];
+        bulging.iter().zip(&normals).for_each(|(&triangle, own)| doubts[triangle] = doubt(triangle, own));
         for &HiddenArc { triangle, doubt, .. } in hidden {
             if self.faces_laser(triangle) {
                 doubts[triangle] = doubts[triangle].max(doubt as f32);

@@ -101,7 +101,7 @@ fn certain_strips(
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
         return Vec::new();
     }
-    let mut surroundings = None;
+    let (mut surroundings, mut around) = (None, None);
     let mut search = Search { mesh, near: precision(mesh), steps: MOST_STEPS_IN_ALL, visits: MOST_VISITS };
     let mut curve_visits = MOST_VISITS;
     let is_estimated =
@@ -128,14 +128,14 @@ fn certain_strips(
         let curved = CurveStrip::of(mesh, axis, &triangles, is_ruling, search.near, &mut curve_visits);
         if let Some(strip) = curved
             && strip.triangles().iter().all(|&triangle| is_estimated(triangle))
-            && surroundings.confirm(&strip)
+            && surroundings.confirm(&strip, &mut around)
         {
             strip.triangles().iter().for_each(|&triangle| is_seen[triangle] = true);
             strips.push(Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden));
             continue;
         }
         let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
-        if !surroundings.confirm(&strip) {
+        if !surroundings.confirm(&strip, &mut around) {
             continue;
         }
         // Across its rulings, the ends are confirmed.
