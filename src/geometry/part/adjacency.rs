@@ -155,7 +155,12 @@ impl Neighbours {
 
     /// The neighbours of a vertex, ascending.
     pub(super) fn of_vertex(&self, vertex: usize) -> &[u32] {
-        &self.vertices[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+        &self.vertices[self.range(vertex)]
+    }
+
+    /// Where the neighbours of a vertex are among those of all vertices, one vertex after the other.
+    pub(super) fn range(&self, vertex: usize) -> std::ops::Range<usize> {
+        self.starts[vertex] as usize..self.starts[vertex + 1] as usize
     }
 }
 

@@ -1,5 +1,6 @@
 //! Normals of a surface from the vertices of its mesh alone.
 
+use multiversion::multiversion;
 use nalgebra::{Matrix2x3, Point3, SMatrix, SVector, Vector3};
 
 use super::adjacency::Neighbours;
@@ -7,6 +8,7 @@ use super::adjacency::Neighbours;
 /// Coefficients of a cubic without its constant: two slopes, three second and four third derivatives.
 const COEFFICIENTS: usize = 9;
 const FIRST_OF_THIRD: usize = 5;
+const THIRDS: usize = COEFFICIENTS - FIRST_OF_THIRD;
 
 /// Where the sides at a vertex deviate from the surface by less than this, mm, the vertex keeps its normal: the first
 /// estimate is wrong by only a few per cent of the deviation, and fine meshes have many vertices.
@@ -53,6 +55,7 @@ pub(super) struct EstimatedNormal {
 /// vertices show them, or surround the vertex evenly, much at a border. The priors are as wide as the third derivatives that
 /// are found; on a sphere there are none (the evidence of MacKay, Bayesian interpolation, Neural Computation 4(3), 1992, for
 /// one width, in one step).
+#[multiversion(targets("x86_64+avx2"))]
 pub(super) fn refined_normal(
     positions: &[Point3<f64>],
     normals: &[Vector3<f64>],
@@ -109,7 +112,13 @@ pub(super) fn refined_normal(
             y * y * y / 6.0,
         ]);
         let weight = (fourth * square * square + FLOOR).powi(-2);
-        matrix.ger(weight, &row, &row, 1.0);
+        // The upper half of the matrix is not read.
+        for column in 0..COEFFICIENTS {
+            let weighted = weight * row[column];
+            for below in column..COEFFICIENTS {
+                matrix[(below, column)] += weighted * row[below];
+            }
+        }
         right += row * (height * weight);
         let quartic = SVector::<f64, 5>::from([
             x.powi(4) / 24.0,
@@ -124,25 +133,30 @@ pub(super) fn refined_normal(
     let jet = factor.solve(&right);
     let tilt = plane.transpose() * jet.fixed_rows::<2>(0);
     let Some(normal) = (normal - tilt).try_normalize(0.0) else { return unchanged };
-    let covariance = factor.inverse();
-    let slopes = covariance.fixed_columns::<2>(0);
+    // The columns of the covariance of the two slopes, and of the third derivatives.
+    let mut columns = SMatrix::<f64, COEFFICIENTS, { 2 + THIRDS }>::zeros();
+    columns.fixed_view_mut::<2, 2>(0, 0).fill_diagonal(1.0);
+    columns.fixed_view_mut::<THIRDS, THIRDS>(FIRST_OF_THIRD, 2).fill_diagonal(1.0);
+    factor.solve_mut(&mut columns);
+    let slopes = columns.fixed_columns::<2>(0);
+    let variances = columns.fixed_view::<THIRDS, THIRDS>(FIRST_OF_THIRD, 2).diagonal();
     let of_prior = slopes.row_iter().zip(&expected).map(|(row, expected)| row.norm_squared() * expected);
     let of_cubic: f64 = of_prior.sum();
     // A fourth derivative of 24 leaves a height of 1 at the distance 1.
     let of_quartic = (slopes.transpose() * quartics).norm_squared() * (24.0 * fourth).powi(2);
-    let width = width_of_thirds(&jet, &expected, &covariance);
+    let width = width_of_thirds(&jet, &expected, &variances);
     EstimatedNormal { normal, deviation: (of_cubic + of_quartic).sqrt() * width }
 }
 
 /// How wide the prior of the third derivatives is, as a multiple of the usual width, by those that are found and as far as the
-/// vertices show them. `expected` are the inverse squares of the usual values.
+/// vertices show them. `expected` are the inverse squares of the usual values, `variances` those of the third derivatives.
 fn width_of_thirds(
     jet: &SVector<f64, COEFFICIENTS>,
     expected: &SVector<f64, COEFFICIENTS>,
-    covariance: &SMatrix<f64, COEFFICIENTS, COEFFICIENTS>,
+    variances: &SVector<f64, THIRDS>,
 ) -> f64 {
     let thirds = FIRST_OF_THIRD..COEFFICIENTS;
     let found: f64 = thirds.clone().map(|index| jet[index].powi(2) * expected[index]).sum();
-    let shown: f64 = thirds.map(|index| 1.0 - covariance[(index, index)] * expected[index]).sum();
+    let shown: f64 = thirds.zip(variances).map(|(index, variance)| 1.0 - variance * expected[index]).sum();
     ((found + UNSEEN) / (shown + UNSEEN)).sqrt().min(WIDEST)
 }

@@ -18,6 +18,7 @@ mod sections;
 mod settling;
 mod slopes;
 mod spheres;
+mod straightest;
 mod strips;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};

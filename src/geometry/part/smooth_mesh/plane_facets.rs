@@ -36,11 +36,13 @@ impl PlaneFacets {
                 }
                 let beyond = mesh.corners(there).0;
                 let [one, two, far] = [0, 1, 2].map(|turn| beyond[(other as usize + turn) % 3]);
-                // How far a plane is off beyond the triangle that defines it: the ratio of the widths of both.
+                // How far a plane is off beyond the triangle that defines it: as many times as that is narrower at their side.
                 let ends = [corners[side], corners[(side + 1) % 3]];
-                let lengths = (ends[1] - ends[0]).norm_squared() / (two - one).norm_squared();
-                let reach = areas[there] / areas[here] * lengths.sqrt();
-                if !((far - corners[0]).dot(&normal).abs() <= near * (1.0 + reach)) {
+                let lengths = [ends[1] - ends[0], two - one].map(|side| side.norm_squared());
+                let beyond_near = (far - corners[0]).dot(&normal).abs() / near - 1.0;
+                if !(beyond_near <= 0.0
+                    || (beyond_near * areas[here]).powi(2) * lengths[1] <= areas[there].powi(2) * lengths[0])
+                {
                     continue;
                 }
                 // A sliver has no plane of its own; it belongs to the facet along its longest side.

@@ -10,6 +10,8 @@ use crate::geometry::shape_fit::{self, cross_directions};
 const LEAVES: f64 = 0.1;
 /// Those on a cone leave the plane of their circle by at most this share of what the circle leaves a straight line.
 const OF_BEND: f64 = 0.3;
+/// More than the rounding of a product of eigenvalues, as a share of that of their sums.
+const ROUNDING: f64 = 1e-13;
 /// Facets that turn by less than this, rad, show no axis.
 const LEAST_TURN: f64 = 0.01;
 /// After each of the first steps of a fit, points that are on a cylinder are within what they may be off and so many times what the
@@ -44,7 +46,7 @@ impl Round {
         if 1.0 - first.dot(&(spread * first)) < LEAST_TURN * LEAST_TURN {
             return None;
         }
-        let ([off, turn, _], axis) = principal(spread);
+        let ([off, turn, _], axis) = principal(spread, LEAVES)?;
         if turn < LEAST_TURN || off > LEAVES * turn {
             return None;
         }
@@ -70,7 +72,7 @@ impl Round {
         let count = planes.len() as f64;
         let mean = planes.iter().map(|plane| plane.normal).sum::<Vector3<f64>>() / count;
         let spread = planes.iter().map(|plane| plane.normal - mean).map(|off| off * off.transpose());
-        let ([thin, bend, turn], axis) = principal(spread.sum::<Matrix3<f64>>() / count);
+        let ([thin, bend, turn], axis) = principal(spread.sum::<Matrix3<f64>>() / count, OF_BEND)?;
         if turn < LEAST_TURN || thin > OF_BEND * bend {
             return None;
         }
@@ -154,13 +156,24 @@ impl Round {
     }
 }
 
-/// The roots of the eigenvalues of a matrix in ascending order, and the direction of the first.
-fn principal(spread: Matrix3<f64>) -> ([f64; 3], Unit<Vector3<f64>>) {
+/// The roots of the eigenvalues of a matrix in ascending order, and the direction of the first; `None` where its invariants show
+/// that the first is more than this share of the second.
+///
+/// For eigenvalues a = r·b ≤ b ≤ c, ab + bc + ca is at least (1 + r)·bc, and so abc·(a + b + c) at most 1 − (1 + r)⁻² times its square.
+fn principal(spread: Matrix3<f64>, share: f64) -> Option<([f64; 3], Unit<Vector3<f64>>)> {
+    let minor = |one: usize, two: usize| {
+        spread[(one, one)] * spread[(two, two)] - spread[(one, two)] * spread[(two, one)]
+    };
+    let (minors, trace) = (minor(0, 1) + minor(1, 2) + minor(2, 0), spread.trace());
+    let most = (1.0 - (1.0 + share * share).powi(-2)) * minors * minors;
+    if spread.determinant() * trace > most + ROUNDING * trace.powi(4) {
+        return None;
+    }
     let eigen = spread.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let extents = order.map(|index: usize| eigen.eigenvalues[index].max(0.0).sqrt());
-    (extents, Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned()))
+    Some((extents, Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned())))
 }
 
 /// By how much the distances of points from a cylinder differ at most, mm, from what their derivatives state after a step to the next

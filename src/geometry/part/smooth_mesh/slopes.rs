@@ -15,6 +15,7 @@ use nalgebra::Vector3;
 use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
+use super::straightest::Straightest;
 use crate::geometry::adjacency::{NONE, Neighbours, spread};
 
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
@@ -82,7 +83,8 @@ impl SmoothMesh {
         let around = Neighbours::of_chosen(&self.triangles, &is_near);
         let is_at_rim = self.rim();
         let scatter = self.scatter(&is_at_rim, &around, &is_corner);
-        let chains = estimated.contains(&true).then(|| Chains::of(self, &around, &is_corner));
+        let straightest = Straightest::of(self, &around);
+        let chains = estimated.contains(&true).then(|| Chains::of(self, &straightest, &is_corner));
         let of_chords = |triangle: usize| {
             let Some(chains) = &chains else { return 0.0 };
             let corners = self.triangles[triangle];
@@ -102,7 +104,8 @@ impl SmoothMesh {
                 count += 1.0;
             }
             let of_patches = if count > 0.0 { squares / count } else { 0.0 };
-            let of_curve = self.lean_doubt(triangle, estimated, &is_at_rim, &around).max(of_chords(triangle));
+            let of_curve =
+                self.lean_doubt(triangle, estimated, &is_at_rim, &straightest).max(of_chords(triangle));
             let deviation = |vertex: u32| deviations.get(vertex as usize).copied().unwrap_or(0.0);
             // The chords of a strip show the error better.
             let of_normals = match is_extruded {
@@ -157,7 +160,7 @@ impl SmoothMesh {
         triangle: usize,
         estimated: &[bool],
         is_at_rim: &[bool],
-        around: &Neighbours,
+        straightest: &Straightest<'_>,
     ) -> f64 {
         let corners = self.triangles[triangle];
         let ends = [0, 1, 2].map(|side| [corners[side], corners[(side + 1) % 3]]);
@@ -173,8 +176,12 @@ impl SmoothMesh {
                 return 0.0;
             }
             let excesses = [
-                self.excess(one, other, (along, lean), straight, around),
-                self.excess(other, one, (-along, -lean), straight, around),
+                straightest
+                    .beyond(other, one, straight)
+                    .map(|beyond| self.excess(one, beyond, (along, lean))),
+                straightest
+                    .beyond(one, other, straight)
+                    .map(|beyond| self.excess(other, beyond, (-along, -lean))),
             ];
             let Some(excess) = excesses.into_iter().flatten().reduce(f64::max) else {
                 let is_diagonal = leans.iter().all(|(other, _)| other.norm() <= along.norm());
@@ -209,33 +216,12 @@ impl SmoothMesh {
         (along, along.try_normalize(0.0).map_or(0.0, |along| sum.dot(&along)))
     }
 
-    /// By how much the lean of a side from a vertex differs from that of the side that continues it there, rad; 0 if there is
-    /// none.
+    /// By how much the lean of a side from a vertex differs from that of the side to another one that continues it there, rad.
     ///
     /// Where the curvature changes steadily along a curve, leans grow with the square of the length.
-    fn excess(
-        &self,
-        from: u32,
-        to: u32,
-        (along, lean): (Vector3<f64>, f64),
-        straight: f64,
-        around: &Neighbours,
-    ) -> Option<f64> {
-        let length = along.norm();
-        // Curves also turn within their own plane.
-        let normal = self.normals[from as usize];
-        let level = |side: Vector3<f64>| (side - normal * side.dot(&normal)).normalize();
-        let level_along = level(along);
-        let continuing = |&other: &u32| {
-            let (back, lean) = self.lean(from, other);
-            let cosine = level(back).dot(&level_along);
-            (other != to && cosine < straight).then_some((cosine, lean, back.norm()))
-        };
-        let continued = around.of_vertex(from as usize).iter().filter_map(continuing);
-        let straightest = continued.min_by(|one, other| one.0.total_cmp(&other.0));
-        straightest.map(|(_, beyond, beyond_length)| {
-            (lean + beyond * (length / beyond_length).min(MOST_LONGER).powi(2)).abs()
-        })
+    fn excess(&self, from: u32, beyond: u32, (along, lean): (Vector3<f64>, f64)) -> f64 {
+        let (back, lean_beyond) = self.lean(from, beyond);
+        (lean + lean_beyond * (along.norm() / back.norm()).min(MOST_LONGER).powi(2)).abs()
     }
 
     fn faces_laser(&self, triangle: usize) -> bool {

@@ -201,7 +201,8 @@ impl Search<'_> {
     fn is_parallel(&self, side: usize, direction: Vector3<f64>) -> bool {
         let [from, to] = self.mesh.ends(side);
         let chord = to - from;
-        chord.cross(&direction).norm() <= (OFF * self.near).min(CONTAINS * chord.norm())
+        let off = chord.cross(&direction).norm_squared();
+        off <= (OFF * self.near).powi(2) && off <= CONTAINS.powi(2) * chord.norm_squared()
     }
 
     /// The number of parallel sides in a row, from a first one on, between which the facets turn; no more than are needed.
