@@ -89,9 +89,9 @@ pub(super) fn refined_normal(
     let (slope, third, fourth) = (SLOPE * near, THIRD / near, FOURTH / (near * near));
     let usual = [slope, slope, SECOND, SECOND, SECOND, third, third, third, third];
     let expected = SVector::<f64, COEFFICIENTS>::from(usual.map(|usual| usual.powi(-2)));
-    let mut matrix = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::from_diagonal(&expected);
-    let mut right = SVector::<f64, COEFFICIENTS>::zeros();
-    let mut quartics = SMatrix::<f64, COEFFICIENTS, 5>::zeros();
+    // Of the equations: the columns of the matrix, the right side, and what fourth derivatives would change it by.
+    let mut sums = [[0.0; COEFFICIENTS]; COEFFICIENTS + 6];
+    (0..COEFFICIENTS).for_each(|index| sums[index][index] = expected[index]);
     for &other in known.iter().filter(|&&other| other as usize != vertex).take(MAX_NEIGHBOURS) {
         let step = (positions[other as usize] - here) / radius;
         let (at, height) = (plane * step, normal.dot(&step));
@@ -100,7 +100,7 @@ pub(super) fn refined_normal(
             continue;
         }
         let (x, y, chord) = (at.x, at.y, square / flat);
-        let row = SVector::<f64, COEFFICIENTS>::from([
+        let row = [
             x,
             y,
             chord * x * x / 2.0,
@@ -110,25 +110,25 @@ pub(super) fn refined_normal(
             x * x * y / 2.0,
             x * y * y / 2.0,
             y * y * y / 6.0,
-        ]);
-        let weight = (fourth * square * square + FLOOR).powi(-2);
-        // The upper half of the matrix is not read.
-        for column in 0..COEFFICIENTS {
-            let weighted = weight * row[column];
-            for below in column..COEFFICIENTS {
-                matrix[(below, column)] += weighted * row[below];
-            }
-        }
-        right += row * (height * weight);
-        let quartic = SVector::<f64, 5>::from([
+        ];
+        let others = [
+            height,
             x.powi(4) / 24.0,
             x.powi(3) * y / 6.0,
             x * x * y * y / 4.0,
             x * y.powi(3) / 6.0,
             y.powi(4) / 24.0,
-        ]);
-        quartics.ger(weight, &row, &quartic, 1.0);
+        ];
+        let weight = (fourth * square * square + FLOOR).powi(-2);
+        for (sum, factor) in sums.iter_mut().zip(row.into_iter().chain(others)) {
+            let weighted = weight * factor;
+            sum.iter_mut().zip(row).for_each(|(sum, value)| *sum += weighted * value);
+        }
     }
+    let matrix = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::from_fn(|row, column| sums[column][row]);
+    let right = SVector::<f64, COEFFICIENTS>::from(sums[COEFFICIENTS]);
+    let quartics =
+        SMatrix::<f64, COEFFICIENTS, 5>::from_fn(|row, column| sums[COEFFICIENTS + 1 + column][row]);
     let Some(factor) = matrix.cholesky() else { return unchanged };
     let jet = factor.solve(&right);
     let tilt = plane.transpose() * jet.fixed_rows::<2>(0);

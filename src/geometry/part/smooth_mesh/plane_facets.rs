@@ -1,6 +1,6 @@
 //! The plane facets of a mesh: triangles that continue each other in one plane, as where a program divides a polygon.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::disjoint_sets::DisjointSets;
@@ -24,10 +24,11 @@ impl PlaneFacets {
             let [a, b, c] = mesh.corners(triangle).0;
             (b - a).cross(&(c - a))
         };
-        let areas: Vec<f64> = (0..count).map(|triangle| across(triangle).norm()).collect();
+        let across: Vec<Vector3<f64>> = (0..count).map(across).collect();
+        let areas: Vec<f64> = across.iter().map(|across| across.norm()).collect();
         let mut sets = DisjointSets::new(count);
         for here in 0..count {
-            let (corners, normal) = (mesh.corners(here).0, across(here) / areas[here]);
+            let (corners, normal) = (mesh.corners(here).0, across[here] / areas[here]);
             for side in 0..3 {
                 let other = mesh.continued[3 * here + side];
                 let there = other as usize / 3;
