@@ -200,9 +200,9 @@ impl Grid {
     fn range(&self, low: f64, high: f64, start: f64, count: usize) -> std::ops::Range<usize> {
         let [low, high] = [low, high].map(|at| (at - start) / self.step);
         // Casts round towards zero, and are faster than functions that round.
-        let whole = low.max(0.0) as usize;
-        let from = whole + usize::from((whole as f64) < low);
-        let to = if high >= 0.0 { (high as usize).saturating_add(1).min(count) } else { 0 };
+        let whole = low.max(0.0) as u32;
+        let from = whole as usize + usize::from(f64::from(whole) < low);
+        let to = if high >= 0.0 { (high as u32 as usize + 1).min(count) } else { 0 };
         from..to
     }
 }
@@ -291,8 +291,11 @@ impl FacingPart {
             let diagonal = extents.size().norm();
             let nodes_in = |extents: Extents| {
                 let columns = grid.range(extents.min.x, extents.max.x, grid.origin.x, grid.columns);
+                if columns.is_empty() {
+                    return None;
+                }
                 let rows = grid.range(extents.min.y, extents.max.y, grid.origin.y, grid.rows);
-                (!columns.is_empty() && !rows.is_empty()).then_some((columns, rows))
+                (!rows.is_empty()).then_some((columns, rows))
             };
             if nodes_in(extents.grown(diagonal * MOST_BULGE)).is_none() {
                 return;

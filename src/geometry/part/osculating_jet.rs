@@ -133,13 +133,16 @@ pub(super) fn refined_normal(
     let jet = factor.solve(&right);
     let tilt = plane.transpose() * jet.fixed_rows::<2>(0);
     let Some(normal) = (normal - tilt).try_normalize(0.0) else { return unchanged };
-    // The columns of the covariance of the two slopes, and of the third derivatives.
-    let mut columns = SMatrix::<f64, COEFFICIENTS, { 2 + THIRDS }>::zeros();
-    columns.fixed_view_mut::<2, 2>(0, 0).fill_diagonal(1.0);
-    columns.fixed_view_mut::<THIRDS, THIRDS>(FIRST_OF_THIRD, 2).fill_diagonal(1.0);
-    factor.solve_mut(&mut columns);
-    let slopes = columns.fixed_columns::<2>(0);
-    let variances = columns.fixed_view::<THIRDS, THIRDS>(FIRST_OF_THIRD, 2).diagonal();
+    // The covariance is the inverse of the matrix; of the third derivatives only the variances are needed, which follow from the last
+    // rows of its factor.
+    let mut slopes = SMatrix::<f64, COEFFICIENTS, 2>::identity();
+    factor.solve_mut(&mut slopes);
+    let mut of_thirds = SMatrix::<f64, THIRDS, THIRDS>::identity();
+    factor
+        .l_dirty()
+        .fixed_view::<THIRDS, THIRDS>(FIRST_OF_THIRD, FIRST_OF_THIRD)
+        .solve_lower_triangular_mut(&mut of_thirds);
+    let variances = SVector::<f64, THIRDS>::from_fn(|index, _| of_thirds.column(index).norm_squared());
     let of_prior = slopes.row_iter().zip(&expected).map(|(row, expected)| row.norm_squared() * expected);
     let of_cubic: f64 = of_prior.sum();
     // A fourth derivative of 24 leaves a height of 1 at the distance 1.
