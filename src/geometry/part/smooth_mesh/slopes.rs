@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
-use super::straightest::Straightest;
+use super::straightest::{STRAIGHT, Straightest};
 use crate::geometry::adjacency::{NONE, Neighbours, spread};
 
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
@@ -46,8 +46,6 @@ const OF_PARABOLA: f64 = 0.73;
 const OF_RINGS: f64 = 0.1;
 /// A triangle belongs to a strip if the normals turn along one of its sides by at most this share of the largest turn.
 const RULING: f64 = 0.05;
-/// A side continues another one if they meet at an angle with a smaller cosine than this in the tangent plane.
-const STRAIGHT: f64 = -0.95;
 /// Leans are compared between sides whose lengths differ by at most this factor.
 const MOST_LONGER: f64 = 2.0;
 
