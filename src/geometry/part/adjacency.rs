@@ -190,3 +190,44 @@ pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {
     let doubled_area = (b - a).cross(&(c - a)).norm_squared();
     (doubled_area < SLIVER * SLIVER * sides[longest]).then_some(longest)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_are_the_vertices_of_common_sides_wherever_they_are_asked_for() {
+        // Two triangles at a side, a third one at the same side, one that is wound the other way, and one by itself.
+        let triangles = [[0, 1, 2], [2, 1, 3], [1, 2, 4], [3, 1, 5], [6, 8, 7]];
+        let expected: [&[u32]; 9] = [
+            &[1, 2],
+            &[0, 2, 3, 4, 5],
+            &[0, 1, 3, 4],
+            &[1, 2, 5],
+            &[1, 2],
+            &[1, 3],
+            &[7, 8],
+            &[6, 8],
+            &[6, 7],
+        ];
+        let all = Neighbours::of(&triangles, 9);
+        for (vertex, expected) in expected.into_iter().enumerate() {
+            assert_eq!(all.of_vertex(vertex), expected, "{vertex}");
+        }
+        let some = Neighbours::of_chosen(&triangles, &[1, 0, 0, 1, 0, 0, 0, 1, 0].map(|chosen| chosen == 1));
+        for (vertex, expected) in expected.into_iter().enumerate() {
+            let is_chosen = [0, 3, 7].contains(&vertex);
+            assert_eq!(some.of_vertex(vertex), if is_chosen { expected } else { &[] }, "{vertex}");
+        }
+    }
+
+    #[test]
+    fn marks_spread_by_one_side_at_a_time() {
+        let strip = [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]];
+        for (sides, expected) in [(0, 1), (1, 3), (2, 5), (3, 6)] {
+            let mut is_marked = [true, false, false, false, false, false];
+            spread(&mut is_marked, &strip, sides);
+            assert_eq!(is_marked, [0, 1, 2, 3, 4, 5].map(|vertex| vertex < expected), "{sides}");
+        }
+    }
+}

@@ -214,3 +214,39 @@ fn circle_about(axis: Unit<Vector3<f64>>, points: &[Point3<f64>]) -> Option<Cyli
     let radius = (solution.z + x * x + y * y).sqrt();
     radius.is_finite().then(|| Cylinder { center: middle + first * x + second * y, axis, radius })
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Rotation3;
+
+    use super::*;
+
+    #[test]
+    fn the_invariants_of_a_spread_exclude_only_what_its_eigenvalues_exclude() {
+        let mut state = 5u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / (1u64 << 24) as f64
+        };
+        let (mut excluded, mut all) = (0, 0);
+        for share in [LEAVES, OF_BEND] {
+            for _ in 0..20_000 {
+                // Roots of eigenvalues: what normals turn by, from 0.01 rad on.
+                let most = 0.01 + random();
+                let middle = 0.01 + (most - 0.01) * random().powi(3);
+                let least = middle * random();
+                let axes = Rotation3::from_euler_angles(6.0 * random(), 6.0 * random(), 6.0 * random());
+                let roots = Matrix3::from_diagonal(&Vector3::new(least, middle, most));
+                let half = axes.matrix() * roots;
+                let found = principal(half * half.transpose(), share);
+                if least < share * middle {
+                    let (roots, _) = found.expect("within the share");
+                    assert!((roots[0] - least).abs() < 1e-6 && (roots[1] - middle).abs() < 1e-6, "{roots:?}");
+                } else {
+                    (excluded, all) = (excluded + usize::from(found.is_none()), all + 1);
+                }
+            }
+        }
+        assert!(4 * excluded > 3 * all, "{excluded} of {all}");
+    }
+}

@@ -67,3 +67,43 @@ fn opposite_to(own: usize, ring: &[u32], level: impl Fn(usize) -> Vector3<f64>) 
     let opposite = cosines.filter(|(_, cosine)| *cosine < STRAIGHT);
     opposite.min_by(|one, other| one.1.total_cmp(&other.1)).unwrap_or((NONE, 0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use nalgebra::Point3;
+
+    use super::*;
+
+    #[test]
+    fn the_spoke_of_a_fan_goes_on_in_the_opposite_one() {
+        for spokes in [8u32, 64, 65, 200] {
+            let rim = (0..spokes).map(|spoke| {
+                let angle = TAU * f64::from(spoke) / f64::from(spokes);
+                Point3::new(angle.cos(), angle.sin(), 0.3)
+            });
+            let mut positions = vec![Point3::origin()];
+            positions.extend(rim);
+            let mesh = SmoothMesh {
+                normals: vec![Vector3::z(); positions.len()],
+                positions,
+                triangles: (0..spokes).map(|spoke| [0, spoke + 1, (spoke + 1) % spokes + 1]).collect(),
+                ..SmoothMesh::default()
+            };
+            let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
+            let straightest = Straightest::of(&mesh, &around);
+            for spoke in 0..spokes {
+                let opposite = (spoke + spokes / 2) % spokes;
+                let even = spokes % 2 == 0;
+                assert!(
+                    straightest.beyond(spoke + 1, 0, STRAIGHT).is_some_and(|beyond| {
+                        beyond == opposite + 1 || !even && beyond == (opposite + 1) % spokes + 1
+                    }),
+                    "{spoke} of {spokes}"
+                );
+                assert_eq!(straightest.beyond(0, spoke + 1, STRAIGHT), None);
+            }
+        }
+    }
+}
