@@ -63,19 +63,13 @@ pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
         (from.min(to), from.max(to))
     };
     let sides = triangles.len() * 3;
-    let mut starts = vec![0u32; count + 1];
-    (0..sides).for_each(|side| starts[ends(side).0 as usize + 1] += 1);
-    (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
-    let mut next = starts.clone();
-    let mut sorted = vec![(0u32, 0u32); sides];
-    for side in 0..sides {
-        let (lower, upper) = ends(side);
-        sorted[next[lower as usize] as usize] = (upper, side as u32);
-        next[lower as usize] += 1;
-    }
+    let (starts, by_lower) = grouped(count, || (0..sides).map(|side| (ends(side).0, side as u32)));
     let mut opposite = vec![NONE; sides];
+    let mut around: Vec<(u32, u32)> = Vec::new();
     for vertex in 0..count {
-        let around = &mut sorted[starts[vertex] as usize..starts[vertex + 1] as usize];
+        let here = &by_lower[starts[vertex] as usize..starts[vertex + 1] as usize];
+        around.clear();
+        around.extend(here.iter().map(|&side| (ends(side as usize).1, side)));
         around.sort_unstable();
         for run in around.chunk_by(|a, b| a.0 == b.0) {
             if let [(upper, one), (_, two)] = *run
@@ -88,40 +82,85 @@ pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
     opposite
 }
 
-/// For each vertex, the vertices that share a side with it.
+/// Values by the group to which they belong, in the order in which `items` has them (group, value): where those of each of the
+/// `count` groups begin, and at the end their number; and the values.
+pub(super) fn grouped<Items: Iterator<Item = (u32, u32)>>(
+    count: usize,
+    items: impl Fn() -> Items,
+) -> (Vec<u32>, Vec<u32>) {
+    // Two ahead: while values are entered, each start is where the next value of the group before it belongs.
+    let mut starts = vec![0u32; count + 2];
+    items().for_each(|(group, _)| starts[group as usize + 2] += 1);
+    (1..=count).for_each(|group| starts[group + 1] += starts[group]);
+    let mut values = vec![0u32; starts[count + 1] as usize];
+    items().for_each(|(group, value)| {
+        let next = &mut starts[group as usize + 1];
+        values[*next as usize] = value;
+        *next += 1;
+    });
+    starts.truncate(count + 1);
+    (starts, values)
+}
+
+/// Marks the vertices that can be reached from the marked ones over so many sides.
+pub(super) fn spread(is_marked: &mut [bool], triangles: &[[u32; 3]], sides: usize) {
+    for _ in 0..sides {
+        let before = is_marked.to_vec();
+        for corners in triangles.iter().filter(|corners| corners.iter().any(|&at| before[at as usize])) {
+            corners.iter().for_each(|&at| is_marked[at as usize] = true);
+        }
+    }
+}
+
+/// For vertices, the vertices that share a side with them.
 pub(super) struct Neighbours {
     starts: Vec<u32>,
     vertices: Vec<u32>,
 }
 
 impl Neighbours {
+    /// Those of all `count` vertices.
     pub(super) fn of(triangles: &[[u32; 3]], count: usize) -> Self {
-        let sides =
-            || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (a, c), (b, c), (b, a), (c, a), (c, b)]);
-        let mut starts = vec![0u32; count + 1];
-        sides().for_each(|(from, _)| starts[from as usize + 1] += 1);
-        (0..count).for_each(|vertex| starts[vertex + 1] += starts[vertex]);
-        let mut next = starts.clone();
-        let mut all = vec![0u32; triangles.len() * 6];
-        for (from, to) in sides() {
-            all[next[from as usize] as usize] = to;
-            next[from as usize] += 1;
-        }
+        Self::of_chosen(triangles, &vec![true; count])
+    }
+
+    /// Those of the chosen vertices, one flag for each; the others get none.
+    pub(super) fn of_chosen(triangles: &[[u32; 3]], is_chosen: &[bool]) -> Self {
+        let count = is_chosen.len();
+        let chosen = |&corner: &u32| is_chosen[corner as usize];
+        let sides = || {
+            let near = triangles.iter().filter(|corners| corners.iter().any(chosen));
+            let around = near.flat_map(|&[a, b, c]| [(a, b), (a, c), (b, c), (b, a), (c, a), (c, b)]);
+            around.filter(|(from, _)| chosen(from))
+        };
+        let (mut starts, mut vertices) = grouped(count, sides);
         // Inner sides occur twice, once for each of their triangles.
-        let mut vertices = Vec::with_capacity(all.len() / 2 + count);
-        let mut unique_starts = vec![0u32; count + 1];
+        let mut kept = 0;
         for vertex in 0..count {
-            let around = &mut all[starts[vertex] as usize..starts[vertex + 1] as usize];
-            around.sort_unstable();
-            vertices.extend(around.chunk_by(|a, b| a == b).map(|run| run[0]));
-            unique_starts[vertex + 1] = vertices.len() as u32;
+            let (first, end) =
+                (std::mem::replace(&mut starts[vertex], kept) as usize, starts[vertex + 1] as usize);
+            vertices[first..end].sort_unstable();
+            for at in first..end {
+                if at == first || vertices[at] != vertices[at - 1] {
+                    vertices[kept as usize] = vertices[at];
+                    kept += 1;
+                }
+            }
         }
-        Self { starts: unique_starts, vertices }
+        starts[count] = kept;
+        vertices.truncate(kept as usize);
+        vertices.shrink_to_fit();
+        Self { starts, vertices }
     }
 
     /// The neighbours of a vertex, ascending.
     pub(super) fn of_vertex(&self, vertex: usize) -> &[u32] {
-        &self.vertices[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
+        &self.vertices[self.range(vertex)]
+    }
+
+    /// Where the neighbours of a vertex are among those of all vertices, one vertex after the other.
+    pub(super) fn range(&self, vertex: usize) -> std::ops::Range<usize> {
+        self.starts[vertex] as usize..self.starts[vertex + 1] as usize
     }
 }
 
@@ -150,4 +189,45 @@ pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {
     let longest = (1..3).fold(0, |longest, side| if sides[side] > sides[longest] { side } else { longest });
     let doubled_area = (b - a).cross(&(c - a)).norm_squared();
     (doubled_area < SLIVER * SLIVER * sides[longest]).then_some(longest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_are_the_vertices_of_common_sides_wherever_they_are_asked_for() {
+        // Two triangles at a side, a third one at the same side, one that is wound the other way, and one by itself.
+        let triangles = [[0, 1, 2], [2, 1, 3], [1, 2, 4], [3, 1, 5], [6, 8, 7]];
+        let expected: [&[u32]; 9] = [
+            &[1, 2],
+            &[0, 2, 3, 4, 5],
+            &[0, 1, 3, 4],
+            &[1, 2, 5],
+            &[1, 2],
+            &[1, 3],
+            &[7, 8],
+            &[6, 8],
+            &[6, 7],
+        ];
+        let all = Neighbours::of(&triangles, 9);
+        for (vertex, expected) in expected.into_iter().enumerate() {
+            assert_eq!(all.of_vertex(vertex), expected, "{vertex}");
+        }
+        let some = Neighbours::of_chosen(&triangles, &[1, 0, 0, 1, 0, 0, 0, 1, 0].map(|chosen| chosen == 1));
+        for (vertex, expected) in expected.into_iter().enumerate() {
+            let is_chosen = [0, 3, 7].contains(&vertex);
+            assert_eq!(some.of_vertex(vertex), if is_chosen { expected } else { &[] }, "{vertex}");
+        }
+    }
+
+    #[test]
+    fn marks_spread_by_one_side_at_a_time() {
+        let strip = [[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]];
+        for (sides, expected) in [(0, 1), (1, 3), (2, 5), (3, 6)] {
+            let mut is_marked = [true, false, false, false, false, false];
+            spread(&mut is_marked, &strip, sides);
+            assert_eq!(is_marked, [0, 1, 2, 3, 4, 5].map(|vertex| vertex < expected), "{sides}");
+        }
+    }
 }

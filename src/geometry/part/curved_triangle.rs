@@ -12,6 +12,15 @@ const MIN_SHARE: f64 = 0.25;
 const MIN_FALL: f64 = 1e-3;
 /// How sharply sides along a ruling are distinguished from sides across it: the exponent of the weight in [`handle`].
 const ALONG_POWER: i32 = 8;
+/// Bounds of a handle between normals whose ends are at most so far apart, squared, …
+const LITTLE_TURN: f64 = 0.2;
+/// … which are certainly not damaged: …
+const AGREEMENT: f64 = 0.51;
+/// … its share of the side, how much more than a third it is for the square of the turn, and the share of the side that the uneven
+/// turn along a cone moves it by.
+const MOST_SHARE: f64 = 0.347;
+const LONGER: f64 = 1.0 / 15.0;
+const ALONG_TURN: f64 = 0.053;
 /// Barycentric coordinates may be this far below 0, so that no node on the border of two triangles is missed.
 const BORDER_TOLERANCE: f64 = 1e-6;
 /// A triangle whose curved net stays this close to its facet, mm, is treated as flat.
@@ -119,6 +128,38 @@ impl CurvedTriangle {
         let bulge = [edges[0], edges[1], edges[2], edges[3], edges[4], edges[5], middle];
         let largest_bulge = bulge.iter().map(Vector3::norm).fold(0.0, f64::max);
         Self { corners, bulge, largest_bulge }
+    }
+
+    /// At least the [largest bulge](Self::largest_bulge) of the patch over `corners` (mm) with their unit `normals`, without its
+    /// roots; infinite where the normals turn much.
+    ///
+    /// A handle leaves its side by what it is longer than a third of the side, by its share of what the side leaves the tangent
+    /// plane, and by its change along the turn, which is largest where that makes an angle of 76° with the side.
+    pub(super) fn most_bulge(corners: [Point3<f64>; 3], normals: [Vector3<f64>; 3]) -> f64 {
+        let [a, b, c] = corners;
+        let facet = (b - a).cross(&(c - a));
+        let least = AGREEMENT * AGREEMENT * facet.norm_squared();
+        if !normals.iter().all(|normal| normal.dot(&facet).powi(2) > least) {
+            return f64::INFINITY;
+        }
+        let (mut longest, mut turn, mut lean, mut uneven) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+        for from in 0..3 {
+            let to = (from + 1) % 3;
+            let along = corners[to] - corners[from];
+            let falls = [-along.dot(&normals[from]), along.dot(&normals[to])];
+            longest = longest.max(along.norm_squared());
+            turn = turn.max((normals[to] - normals[from]).norm_squared());
+            lean = lean.max(falls[0].abs()).max(falls[1].abs());
+            if falls[0] * falls[1] > 0.0 && falls[0].abs().min(falls[1].abs()) > MIN_FALL {
+                uneven = uneven.max(((falls[1] - falls[0]) / (falls[1] + falls[0])).abs());
+            }
+        }
+        if turn > LITTLE_TURN {
+            return f64::INFINITY;
+        }
+        let handle = longest.sqrt() * (turn * LONGER + uneven * ALONG_TURN) + lean * MOST_SHARE;
+        // The middle point is a quarter of the sum of six handles.
+        1.5 * handle + FLATNESS
     }
 
     /// Distance by which the patch can leave its facet, mm.
@@ -368,6 +409,30 @@ mod tests {
         );
         let hit = patch.hit(Vector2::new(20.0, 0.0)).unwrap();
         assert!(hit.on_patch && hit.steepness() > 1e6, "{hit:?}");
+    }
+
+    #[test]
+    fn no_patch_leaves_its_facet_by_more_than_the_bound() {
+        let mut state = 3u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / (1u64 << 23) as f64 - 1.0
+        };
+        let mut bounded = 0;
+        for _ in 0..100_000 {
+            let turn = 0.4 * random();
+            let corners = [(); 3].map(|()| Point3::new(random(), random(), 0.3 * random()));
+            let facet = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).normalize();
+            let normals =
+                [(); 3].map(|()| (facet + Vector3::new(random(), random(), random()) * turn).normalize());
+            let (bound, bulge) = (
+                CurvedTriangle::most_bulge(corners, normals),
+                CurvedTriangle::new(corners, normals).largest_bulge(),
+            );
+            assert!(bulge <= bound, "{corners:?} {normals:?}: {bulge} > {bound}");
+            bounded += usize::from(bound.is_finite());
+        }
+        assert!(bounded > 50_000, "{bounded}");
     }
 
     #[test]

@@ -66,13 +66,15 @@ pub(super) struct Estimated<'a> {
 pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chosen: &[bool]) -> Vec<f64> {
     let is_open = estimated.open;
     let planes = Planes::of(mesh, |triangle| chosen[triangle]);
-    let spans = Span::of_vertices(mesh, &planes);
-    let uneven: Vec<usize> = (0..spans.len()).filter(|&vertex| spans[vertex].is_uneven()).collect();
+    let spans = Spans::of(mesh, &planes);
+    let uneven: Vec<usize> =
+        spans.all().filter_map(|(vertex, span)| span.is_uneven().then_some(vertex)).collect();
     if uneven.is_empty() {
         return Vec::new();
     }
     // At a border or within a single plane, a normal is known from one side only.
-    let mut is_known: Vec<bool> = spans.iter().map(|span| span.turn > 0.0 && !span.is_uneven()).collect();
+    let mut is_known = vec![false; mesh.positions.len()];
+    spans.all().for_each(|(vertex, span)| is_known[vertex] = span.turn > 0.0 && !span.is_uneven());
     for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
         let corners = mesh.triangles[side / 3];
         (is_known[corners[side % 3] as usize], is_known[corners[(side + 1) % 3] as usize]) = (false, false);
@@ -90,11 +92,11 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chos
         derived_normal(&mesh.positions, &mesh.normals, vertex, known_round(vertex))
     };
     let derived: Vec<Option<Vector3<f64>>> = uneven.iter().map(known).collect();
-    let mut deviations = vec![0.0f64; spans.len()];
+    let mut deviations = vec![0.0f64; mesh.positions.len()];
     let mut is_flat = vec![false; planes.normals.len()];
     let is_surrounded = planes.are_surrounded(mesh);
     for (&vertex, derived) in uneven.iter().zip(derived) {
-        let span = &spans[vertex];
+        let Some(span) = spans.of_vertex(vertex) else { continue };
         let widest = span.widest as usize;
         let flat = planes.normals[widest];
         let leaning = derived.filter(|derived| {
@@ -122,8 +124,8 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chos
         }
     }
     // A vertex inside a flat side gets the normal of that side: the far ends of its chords give no information.
-    for (vertex, span) in spans.iter().enumerate() {
-        if is_open[vertex] && span.turn == 0.0 && span.widest != NONE && is_flat[span.widest as usize] {
+    for (vertex, span) in spans.all() {
+        if is_open[vertex] && span.turn == 0.0 && is_flat[span.widest as usize] {
             mesh.normals[vertex] = planes.normals[span.widest as usize];
         }
     }
@@ -158,33 +160,57 @@ struct Span {
     turn: f64,
 }
 
-impl Span {
-    fn of_vertices(mesh: &SmoothMesh, planes: &Planes) -> Vec<Self> {
-        let none = || Self { narrowest: f64::INFINITY, width: 0.0, widest: NONE, turn: 0.0 };
-        let mut spans: Vec<Self> = mesh.positions.iter().map(|_| none()).collect();
+/// The spans of the vertices of planes.
+struct Spans {
+    /// For each vertex of the mesh the number of its span, from 1 on; 0 where there is none.
+    numbers: Vec<u32>,
+    spans: Vec<Span>,
+}
+
+impl Spans {
+    fn of(mesh: &SmoothMesh, planes: &Planes) -> Self {
         let corners = || {
             let triangles = mesh.triangles.iter().zip(&planes.of_triangle);
             let wide =
                 triangles.filter(|(_, plane)| **plane != NONE && !planes.are_slivers[**plane as usize]);
             wide.flat_map(|(corners, &plane)| corners.iter().map(move |&vertex| (vertex as usize, plane)))
         };
+        let mut numbers = vec![0u32; mesh.positions.len()];
+        let mut spans: Vec<Span> = Vec::new();
         for (vertex, plane) in corners() {
-            let (span, width) = (&mut spans[vertex], planes.widths[plane as usize]);
+            let width = planes.widths[plane as usize];
+            if numbers[vertex] == 0 {
+                spans.push(Span { narrowest: width, width, widest: plane, turn: 0.0 });
+                numbers[vertex] = spans.len() as u32;
+                continue;
+            }
+            let span = &mut spans[numbers[vertex] as usize - 1];
             span.narrowest = span.narrowest.min(width);
             if width > span.width {
                 (span.width, span.widest) = (width, plane);
             }
         }
         for (vertex, plane) in corners() {
-            let span = &mut spans[vertex];
-            if plane != span.widest && span.widest != NONE {
+            let span = &mut spans[numbers[vertex] as usize - 1];
+            if plane != span.widest {
                 let angle = planes.normals[plane as usize].angle(&planes.normals[span.widest as usize]);
                 span.turn = span.turn.max(angle);
             }
         }
-        spans
+        Self { numbers, spans }
     }
 
+    fn of_vertex(&self, vertex: usize) -> Option<&Span> {
+        self.spans.get((self.numbers[vertex] as usize).checked_sub(1)?)
+    }
+
+    /// In the order of the vertices.
+    fn all(&self) -> impl Iterator<Item = (usize, &Span)> {
+        (0..self.numbers.len()).filter_map(|vertex| Some((vertex, self.of_vertex(vertex)?)))
+    }
+}
+
+impl Span {
     fn is_uneven(&self) -> bool {
         self.width > UNEVEN * self.narrowest
     }

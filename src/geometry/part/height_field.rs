@@ -1,6 +1,6 @@
 //! The height field: the height of the part over a grid of the view, as the laser sees it.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Point3, Vector2, Vector3};
 
 use super::adjacency::{NONE, turn_in_view};
 use super::curved_triangle::Hit;
@@ -26,6 +26,10 @@ const NEAR: f64 = 4.0;
 const MOST_BULGE: f64 = 0.25;
 /// … and a patch by less than this share of its longest side.
 const HIGHEST_BULGE: f64 = 0.4;
+
+/// A patch covers points beside its triangle in the view that are off by its bulge and less than this share of the triangle's
+/// extents: the tolerance at its border.
+const BESIDE: f64 = 0.01;
 
 /// A second side of the part that faces the laser closer than this behind the first, mm, is a second skin. Coincident
 /// copies, closer than the second value, are one.
@@ -194,8 +198,11 @@ impl Grid {
 
     /// The nodes from `low` to `high` along a side of `count` nodes that starts at `start`.
     fn range(&self, low: f64, high: f64, start: f64, count: usize) -> std::ops::Range<usize> {
-        let from = ((low - start) / self.step).ceil().max(0.0) as usize;
-        let to = (((high - start) / self.step).floor() + 1.0).clamp(0.0, count as f64) as usize;
+        let [low, high] = [low, high].map(|at| (at - start) / self.step);
+        // Casts round towards zero, and are faster than functions that round.
+        let whole = low.max(0.0) as u32;
+        let from = whole as usize + usize::from(f64::from(whole) < low);
+        let to = if high >= 0.0 { (high as u32 as usize + 1).min(count) } else { 0 };
         from..to
     }
 }
@@ -206,8 +213,8 @@ impl FacingPart {
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         // The table of continuing sides is large and no longer needed.
         let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view) };
-        let corners = mesh.triangles.iter().flatten();
-        let extents = Extents::of(corners.map(|&index| mesh.positions[index as usize].coords.xy()));
+        // Each vertex is a corner of a triangle.
+        let extents = Extents::of(mesh.positions.iter().map(|position| position.coords.xy()));
         Self { mesh, faces: None, extents }
     }
 
@@ -281,10 +288,24 @@ impl FacingPart {
         let mut meet = |triangle: usize| {
             let points = self.mesh.corners(triangle).0;
             let extents = Extents::of(points.map(|point| point.coords.xy()));
-            let grown = extents.grown(extents.size().norm() * MOST_BULGE);
-            let in_columns = grid.range(grown.min.x, grown.max.x, grid.origin.x, grid.columns);
-            let in_rows = grid.range(grown.min.y, grown.max.y, grid.origin.y, grid.rows);
-            if in_columns.is_empty() || in_rows.is_empty() {
+            let diagonal = extents.size().norm();
+            let nodes_in = |extents: Extents| {
+                let columns = grid.range(extents.min.x, extents.max.x, grid.origin.x, grid.columns);
+                if columns.is_empty() {
+                    return None;
+                }
+                let rows = grid.range(extents.min.y, extents.max.y, grid.origin.y, grid.rows);
+                (!rows.is_empty()).then_some((columns, rows))
+            };
+            if nodes_in(extents.grown(diagonal * MOST_BULGE)).is_none() {
+                return;
+            }
+            let most_bulge = self.mesh.most_bulge(triangle);
+            let grown = extents.grown(most_bulge.min(diagonal * MOST_BULGE));
+            let Some((in_columns, in_rows)) = nodes_in(grown) else { return };
+            let outline = Outline::of(points, most_bulge + BESIDE * diagonal);
+            let is_near = |column: usize, row: usize| outline.is_near(grid.position(column, row).coords());
+            if !in_rows.clone().any(|row| in_columns.clone().any(|column| is_near(column, row))) {
                 return;
             }
             let sides = [points[1] - points[0], points[2] - points[1], points[0] - points[2]];
@@ -413,6 +434,34 @@ impl FacingPart {
                 (is_at_edge[first], is_at_edge[second]) = (true, true);
             }
         });
+    }
+}
+
+/// The outline of a triangle in the view.
+struct Outline {
+    /// For each side a point on it, and the way across it, out of the triangle and as long as the side, mm.
+    sides: [(Vector2<f64>, Vector2<f64>); 3],
+    /// What is near, mm.
+    reach: f64,
+}
+
+impl Outline {
+    fn of(corners: [Point3<f64>; 3], reach: f64) -> Self {
+        let out = -turn_in_view(corners).signum();
+        let sides = [0, 1, 2].map(|side| {
+            let [from, to] = [side, (side + 1) % 3].map(|corner| corners[corner].coords.xy());
+            let along = to - from;
+            (from, Vector2::new(-along.y, along.x) * out)
+        });
+        Self { sides, reach }
+    }
+
+    /// Whether a point may be within the reach of the triangle; nothing else is.
+    fn is_near(&self, at: Vector2<f64>) -> bool {
+        let is_beyond = |(from, across): &(Vector2<f64>, Vector2<f64>)| {
+            across.dot(&(at - from)) > self.reach * across.norm()
+        };
+        !self.sides.iter().any(is_beyond)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Normals of a surface from the vertices of its mesh alone.
 
+use multiversion::multiversion;
 use nalgebra::{Matrix2x3, Point3, SMatrix, SVector, Vector3};
 
 use super::adjacency::Neighbours;
@@ -7,10 +8,11 @@ use super::adjacency::Neighbours;
 /// Coefficients of a cubic without its constant: two slopes, three second and four third derivatives.
 const COEFFICIENTS: usize = 9;
 const FIRST_OF_THIRD: usize = 5;
+const THIRDS: usize = COEFFICIENTS - FIRST_OF_THIRD;
 
 /// Where the sides at a vertex deviate from the surface by less than this, mm, the vertex keeps its normal: the first
 /// estimate is wrong by only a few per cent of the deviation, and fine meshes have many vertices.
-const NEGLIGIBLE_RISE: f64 = 1e-3;
+pub(super) const NEGLIGIBLE_RISE: f64 = 1e-3;
 
 /// Maximum number of neighbours used for one vertex.
 const MAX_NEIGHBOURS: usize = 64;
@@ -53,6 +55,7 @@ pub(super) struct EstimatedNormal {
 /// vertices show them, or surround the vertex evenly, much at a border. The priors are as wide as the third derivatives that
 /// are found; on a sphere there are none (the evidence of MacKay, Bayesian interpolation, Neural Computation 4(3), 1992, for
 /// one width, in one step).
+#[multiversion(targets("x86_64+avx2"))]
 pub(super) fn refined_normal(
     positions: &[Point3<f64>],
     normals: &[Vector3<f64>],
@@ -86,9 +89,9 @@ pub(super) fn refined_normal(
     let (slope, third, fourth) = (SLOPE * near, THIRD / near, FOURTH / (near * near));
     let usual = [slope, slope, SECOND, SECOND, SECOND, third, third, third, third];
     let expected = SVector::<f64, COEFFICIENTS>::from(usual.map(|usual| usual.powi(-2)));
-    let mut matrix = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::from_diagonal(&expected);
-    let mut right = SVector::<f64, COEFFICIENTS>::zeros();
-    let mut quartics = SMatrix::<f64, COEFFICIENTS, 5>::zeros();
+    // Of the equations: the columns of the matrix, the right side, and what fourth derivatives would change it by.
+    let mut sums = [[0.0; COEFFICIENTS]; COEFFICIENTS + 6];
+    (0..COEFFICIENTS).for_each(|index| sums[index][index] = expected[index]);
     for &other in known.iter().filter(|&&other| other as usize != vertex).take(MAX_NEIGHBOURS) {
         let step = (positions[other as usize] - here) / radius;
         let (at, height) = (plane * step, normal.dot(&step));
@@ -97,7 +100,7 @@ pub(super) fn refined_normal(
             continue;
         }
         let (x, y, chord) = (at.x, at.y, square / flat);
-        let row = SVector::<f64, COEFFICIENTS>::from([
+        let row = [
             x,
             y,
             chord * x * x / 2.0,
@@ -107,42 +110,56 @@ pub(super) fn refined_normal(
             x * x * y / 2.0,
             x * y * y / 2.0,
             y * y * y / 6.0,
-        ]);
-        let weight = (fourth * square * square + FLOOR).powi(-2);
-        matrix.ger(weight, &row, &row, 1.0);
-        right += row * (height * weight);
-        let quartic = SVector::<f64, 5>::from([
+        ];
+        let others = [
+            height,
             x.powi(4) / 24.0,
             x.powi(3) * y / 6.0,
             x * x * y * y / 4.0,
             x * y.powi(3) / 6.0,
             y.powi(4) / 24.0,
-        ]);
-        quartics.ger(weight, &row, &quartic, 1.0);
+        ];
+        let weight = (fourth * square * square + FLOOR).powi(-2);
+        for (sum, factor) in sums.iter_mut().zip(row.into_iter().chain(others)) {
+            let weighted = weight * factor;
+            sum.iter_mut().zip(row).for_each(|(sum, value)| *sum += weighted * value);
+        }
     }
+    let matrix = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::from_fn(|row, column| sums[column][row]);
+    let right = SVector::<f64, COEFFICIENTS>::from(sums[COEFFICIENTS]);
+    let quartics =
+        SMatrix::<f64, COEFFICIENTS, 5>::from_fn(|row, column| sums[COEFFICIENTS + 1 + column][row]);
     let Some(factor) = matrix.cholesky() else { return unchanged };
     let jet = factor.solve(&right);
     let tilt = plane.transpose() * jet.fixed_rows::<2>(0);
     let Some(normal) = (normal - tilt).try_normalize(0.0) else { return unchanged };
-    let covariance = factor.inverse();
-    let slopes = covariance.fixed_columns::<2>(0);
+    // The covariance is the inverse of the matrix; of the third derivatives only the variances are needed, which follow from the last
+    // rows of its factor.
+    let mut slopes = SMatrix::<f64, COEFFICIENTS, 2>::identity();
+    factor.solve_mut(&mut slopes);
+    let mut of_thirds = SMatrix::<f64, THIRDS, THIRDS>::identity();
+    factor
+        .l_dirty()
+        .fixed_view::<THIRDS, THIRDS>(FIRST_OF_THIRD, FIRST_OF_THIRD)
+        .solve_lower_triangular_mut(&mut of_thirds);
+    let variances = SVector::<f64, THIRDS>::from_fn(|index, _| of_thirds.column(index).norm_squared());
     let of_prior = slopes.row_iter().zip(&expected).map(|(row, expected)| row.norm_squared() * expected);
     let of_cubic: f64 = of_prior.sum();
     // A fourth derivative of 24 leaves a height of 1 at the distance 1.
     let of_quartic = (slopes.transpose() * quartics).norm_squared() * (24.0 * fourth).powi(2);
-    let width = width_of_thirds(&jet, &expected, &covariance);
+    let width = width_of_thirds(&jet, &expected, &variances);
     EstimatedNormal { normal, deviation: (of_cubic + of_quartic).sqrt() * width }
 }
 
 /// How wide the prior of the third derivatives is, as a multiple of the usual width, by those that are found and as far as the
-/// vertices show them. `expected` are the inverse squares of the usual values.
+/// vertices show them. `expected` are the inverse squares of the usual values, `variances` those of the third derivatives.
 fn width_of_thirds(
     jet: &SVector<f64, COEFFICIENTS>,
     expected: &SVector<f64, COEFFICIENTS>,
-    covariance: &SMatrix<f64, COEFFICIENTS, COEFFICIENTS>,
+    variances: &SVector<f64, THIRDS>,
 ) -> f64 {
     let thirds = FIRST_OF_THIRD..COEFFICIENTS;
     let found: f64 = thirds.clone().map(|index| jet[index].powi(2) * expected[index]).sum();
-    let shown: f64 = thirds.map(|index| 1.0 - covariance[(index, index)] * expected[index]).sum();
+    let shown: f64 = thirds.zip(variances).map(|(index, variance)| 1.0 - variance * expected[index]).sum();
     ((found + UNSEEN) / (shown + UNSEEN)).sqrt().min(WIDEST)
 }

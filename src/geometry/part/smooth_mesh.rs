@@ -18,6 +18,7 @@ mod sections;
 mod settling;
 mod slopes;
 mod spheres;
+mod straightest;
 mod strips;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
@@ -78,6 +79,18 @@ pub(super) struct Crease {
 }
 
 impl SmoothMesh {
+    /// For each vertex whether a side there has no continuation.
+    fn rim(&self) -> Vec<bool> {
+        let mut is_at_rim = vec![false; self.positions.len()];
+        for (corners, continued) in self.triangles.iter().zip(self.continued.chunks_exact(3)) {
+            for side in (0..3).filter(|&side| continued[side] == NONE) {
+                is_at_rim[corners[side] as usize] = true;
+                is_at_rim[corners[(side + 1) % 3] as usize] = true;
+            }
+        }
+        is_at_rim
+    }
+
     /// The corners of a triangle and their normals.
     #[inline]
     pub fn corners(&self, triangle: usize) -> ([Point3<f64>; 3], [Vector3<f64>; 3]) {
@@ -92,13 +105,24 @@ impl SmoothMesh {
     pub(super) fn patch(&self, triangle: usize) -> CurvedTriangle {
         let (corners, normals) = self.corners(triangle);
         let mut edges = [None; 3];
-        if !self.creases.is_empty() {
-            let first = self.creases.partition_point(|crease| (crease.side as usize) < triangle * 3);
-            let creases =
-                self.creases[first..].iter().take_while(|crease| crease.side as usize / 3 == triangle);
-            creases.for_each(|crease| edges[crease.side as usize % 3] = Some(crease.directions));
+        for crease in self.creases_of(triangle) {
+            edges[crease.side as usize % 3] = Some(crease.directions);
         }
         CurvedTriangle::beside_edges(corners, normals, edges)
+    }
+
+    /// At least the largest bulge of the patch over a triangle, mm; infinite where that takes as long as the patch.
+    pub(super) fn most_bulge(&self, triangle: usize) -> f64 {
+        if self.creases_of(triangle).next().is_some() {
+            return f64::INFINITY;
+        }
+        let (corners, normals) = self.corners(triangle);
+        CurvedTriangle::most_bulge(corners, normals)
+    }
+
+    fn creases_of(&self, triangle: usize) -> impl Iterator<Item = &Crease> {
+        let first = self.creases.partition_point(|crease| (crease.side as usize) < triangle * 3);
+        self.creases[first..].iter().take_while(move |crease| crease.side as usize / 3 == triangle)
     }
 
     /// How far a triangle reaches along the directions in which its normals turn notably, mm: the width of a facet of a strip, the
@@ -128,6 +152,19 @@ impl SmoothMesh {
     pub(super) fn ends(&self, side: usize) -> [Point3<f64>; 2] {
         let corners = self.triangles[side / 3];
         [side % 3, (side % 3 + 1) % 3].map(|corner| self.positions[corners[corner] as usize])
+    }
+
+    /// Visits the vertices at the ends of each side; a side that another one continues only once.
+    fn for_each_edge(&self, mut visit: impl FnMut([u32; 2])) {
+        for (triangle, corners) in self.triangles.iter().enumerate() {
+            for corner in 0..3 {
+                let side = 3 * triangle + corner;
+                let is_first = self.continued[side] as usize > side || self.continuing(side).is_none();
+                if is_first {
+                    visit([corners[corner], corners[(corner + 1) % 3]]);
+                }
+            }
+        }
     }
 
     /// The side that continues one, if both have the same vertices: those of cylinders have their own at edges.

@@ -10,11 +10,12 @@ use nalgebra::Vector3;
 use super::SmoothMesh;
 use crate::geometry::adjacency::Neighbours;
 use crate::geometry::flats::derived_normal;
+use crate::geometry::osculating_jet::EstimatedNormal;
 
 /// A vertex is on an extruded strip if its normal turns along one side by at most this share of the largest turn.
 const RULING: f64 = 0.05;
 /// Uneven leans that bend a side by less than this, mm, do not matter.
-const NEGLIGIBLE_BEND: f64 = 1e-3;
+pub(super) const NEGLIGIBLE_BEND: f64 = 1e-3;
 /// A lean is even beside a vertex if it is uneven by at most this share of what the vertex gains from another normal.
 const EVEN: f64 = 0.125;
 /// Sides go on beyond a neighbour if they turn by less than this, rad.
@@ -41,19 +42,17 @@ struct Uneven {
     is_helped: bool,
 }
 
-/// Replaces normals that are `estimated` where arcs meet, and beside them, by those that the arcs lead to; returns the vertices
-/// where that settles them: beside a side that is much longer than another one, a small error would bend it far. `first` are the
-/// estimates from the facets round each vertex; the mesh has refined ones, which are kept elsewhere.
+/// Replaces the estimates from the facets round each vertex, which the mesh has, by `refined` ones, and where arcs meet, and beside
+/// them, by those that the arcs lead to; returns the vertices where that settles them: beside a side that is much longer than
+/// another one, a small error would bend it far. Elsewhere than at the refined vertices, in ascending order, no side bends.
 pub(super) fn join(
     mesh: &mut SmoothMesh,
-    first: &[Vector3<f64>],
+    refined: &[(u32, EstimatedNormal)],
     estimated: &[bool],
     around: &Neighbours,
 ) -> Vec<u32> {
-    let uneven = uneven_vertices(mesh, first, estimated, around);
-    if uneven.is_empty() {
-        return Vec::new();
-    }
+    let first = &mesh.normals;
+    let uneven = uneven_vertices(mesh, refined.iter().map(|(vertex, _)| *vertex), around);
     let gain_at = |vertex: u32| {
         let found = uneven.binary_search_by_key(&vertex, |there| there.vertex);
         found.map_or(0.0, |index| uneven[index].gain)
@@ -98,7 +97,9 @@ pub(super) fn join(
     near.sort_unstable();
     near.dedup();
     near.retain(|&vertex| uneven.binary_search_by_key(&vertex, |there| there.vertex).is_err());
-    near.iter().for_each(|&vertex| mesh.normals[vertex as usize] = first[vertex as usize]);
+    for (vertex, estimate) in refined.iter().filter(|(vertex, _)| near.binary_search(vertex).is_err()) {
+        mesh.normals[*vertex as usize] = estimate.normal;
+    }
     changes.iter().for_each(|&(vertex, normal)| mesh.normals[vertex as usize] = normal);
     let is_settled = |vertex: u32| {
         let (mut shortest, mut longest) = (f64::INFINITY, 0.0f64);
@@ -121,15 +122,15 @@ fn lean(mesh: &SmoothMesh, [one, other]: [u32; 2], normals: [Vector3<f64>; 2]) -
     side.try_normalize(0.0).map_or(0.0, |along| (normals[0] + normals[1]).dot(&along))
 }
 
-/// In ascending order.
+/// Those of some vertices at which leans are uneven, in the same order.
 fn uneven_vertices(
     mesh: &SmoothMesh,
-    first: &[Vector3<f64>],
-    estimated: &[bool],
+    vertices: impl Iterator<Item = u32>,
     around: &Neighbours,
 ) -> Vec<Uneven> {
+    let first = &mesh.normals;
     let mut uneven = Vec::new();
-    for vertex in (0..first.len() as u32).filter(|&vertex| estimated[vertex as usize]) {
+    for vertex in vertices {
         let here = vertex as usize;
         let ring = around.of_vertex(here);
         let of = |normal: Vector3<f64>| {

@@ -10,7 +10,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::SmoothMesh;
-use crate::geometry::adjacency::{Neighbours, facet_normal};
+use super::straightest::Straightest;
+use crate::geometry::adjacency::facet_normal;
 
 /// Chords that their arc leaves by less than this, mm, are not looked at: fine meshes have many, and their slopes are known well.
 pub(super) const NEGLIGIBLE_BULGE: f64 = 1e-3;
@@ -47,25 +48,39 @@ const MOST_NEIGHBOURS: usize = 64;
 /// The curves that the sides of a mesh are chords of.
 pub(super) struct Chains<'a> {
     mesh: &'a SmoothMesh,
-    around: &'a Neighbours,
-    /// For each vertex the mean of n·nᵀ over the normals n of its facets.
+    straightest: &'a Straightest<'a>,
+    /// For each chosen vertex its place in `facets`.
+    places: Vec<u32>,
+    /// The means of n·nᵀ over the normals n of the facets round a vertex.
     facets: Vec<Matrix3<f64>>,
 }
 
 impl<'a> Chains<'a> {
-    pub(super) fn of(mesh: &'a SmoothMesh, around: &'a Neighbours) -> Self {
-        let mut facets = vec![Matrix3::zeros(); mesh.positions.len()];
-        let mut counts = vec![0u32; mesh.positions.len()];
+    /// Those of the sides between `chosen` vertices, one flag for each; `straightest` has those of all vertices within a side of
+    /// these.
+    pub(super) fn of(mesh: &'a SmoothMesh, straightest: &'a Straightest<'a>, chosen: &[bool]) -> Self {
+        let mut places = vec![0; chosen.len()];
+        let mut count = 0;
+        for (place, _) in places.iter_mut().zip(chosen).filter(|(_, chosen)| **chosen) {
+            *place = count;
+            count += 1;
+        }
+        let mut facets = vec![(Matrix3::zeros(), 0u32); count as usize];
         for (triangle, corners) in mesh.triangles.iter().enumerate() {
+            let mut corners = corners.iter().filter(|&&vertex| chosen[vertex as usize]).peekable();
+            if corners.peek().is_none() {
+                continue;
+            }
             let normal = facet_normal(mesh.corners(triangle).0);
             let product = normal * normal.transpose();
             for &vertex in corners {
-                facets[vertex as usize] += product;
-                counts[vertex as usize] += 1;
+                let (sum, count) = &mut facets[places[vertex as usize] as usize];
+                *sum += product;
+                *count += 1;
             }
         }
-        facets.iter_mut().zip(counts).for_each(|(sum, count)| *sum /= f64::from(count.max(1)));
-        Self { mesh, around, facets }
+        let facets = facets.into_iter().map(|(sum, count)| sum / f64::from(count.max(1))).collect();
+        Self { mesh, straightest, places, facets }
     }
 
     /// The error of the slope over a side, rad, root mean square, if the curve through its ends is made of tangent arcs; 0 for
@@ -162,13 +177,12 @@ impl<'a> Chains<'a> {
             self.straight_on(from, end).map_or(0.0, |beyond| self.turn_at(end, [from, beyond]).abs())
         };
         let most = (RULING * turn([one, other]).max(turn([other, one]))).max(ROUNDING).powi(2);
-        let others =
-            self.around.of_vertex(one as usize).iter().take(MOST_NEIGHBOURS).filter(|&&to| to != other);
-        others.copied().any(|to| {
+        let others = self.straightest.around.of_vertex(one as usize).iter().take(MOST_NEIGHBOURS);
+        others.filter(|&&to| to != other).any(|&to| {
             let side = self.mesh.positions[to as usize] - self.mesh.positions[one as usize];
-            let Some(ruling) = side.try_normalize(0.0) else { return false };
-            let off = |vertex: u32| ruling.dot(&(self.facets[vertex as usize] * ruling));
-            off(one) <= most && off(other) <= most
+            let limit = most * side.norm_squared();
+            let off = |vertex: u32| side.dot(&(self.facets[self.places[vertex as usize] as usize] * side));
+            limit > 0.0 && off(one) <= limit && off(other) <= limit
         })
     }
 
@@ -203,41 +217,32 @@ impl<'a> Chains<'a> {
         one <= factor * other && other <= factor * one
     }
 
-    /// A step within the tangent plane of a vertex, as a unit vector; not a number for a step along the normal.
-    fn level(&self, vertex: u32, step: Vector3<f64>) -> Vector3<f64> {
-        let normal = self.mesh.normals[vertex as usize];
-        (step - normal * step.dot(&normal)).normalize()
-    }
-
     /// The vertex beyond the end of a side, on one line with it.
     fn straight_on(&self, from: u32, end: u32) -> Option<u32> {
-        let step =
-            |to: u32| self.level(end, self.mesh.positions[to as usize] - self.mesh.positions[end as usize]);
-        let back = step(from);
-        let others = self.around.of_vertex(end as usize).iter().copied().filter(|&other| other != from);
-        let cosines = others.map(|other| (other, step(other).dot(&back)));
-        let straightest = cosines
-            .filter(|(_, cosine)| *cosine < ON_ONE_LINE)
-            .min_by(|one, other| one.1.total_cmp(&other.1));
-        straightest.map(|(other, _)| other)
+        self.straightest.beyond(from, end, ON_ONE_LINE)
     }
 
     /// Whether two neighbours of a vertex mirror each other in the plane of its normal and of `along`: turned parts are cut into even
     /// sectors. Rings bend where the profile is tilted.
     fn is_on_ring(&self, vertex: u32, along: Vector3<f64>) -> bool {
         let (here, normal) = (self.mesh.positions[vertex as usize], self.mesh.normals[vertex as usize]);
-        let along = self.level(vertex, along);
-        let ring = self.around.of_vertex(vertex as usize);
+        let along = (along - normal * along.dot(&normal)).normalize();
+        let ring = self.straightest.around.of_vertex(vertex as usize);
+        let ring = &ring[..ring.len().min(MOST_NEIGHBOURS)];
         let step = |to: u32| self.mesh.positions[to as usize] - here;
         let normal_at = |to: u32| self.mesh.normals[to as usize];
-        ring.iter().take(MOST_NEIGHBOURS).enumerate().any(|(index, &one)| {
-            ring.iter().take(index).any(|&other| {
-                let across = step(one) - step(other);
-                let limit = MIRRORED * across.norm();
-                self.is_even([vertex, one], [vertex, other], EVEN_RING)
-                    && across.dot(&along).abs() < limit
-                    && across.dot(&normal).abs() < limit
-                    && across.norm() > self.distance([vertex, one])
+        ring.iter().enumerate().any(|(index, &one)| {
+            let (to_one, square) = (step(one), step(one).norm_squared());
+            ring[..index].iter().any(|&other| {
+                let to_other = step(other);
+                let other_square = to_other.norm_squared();
+                let across = to_one - to_other;
+                let limit = MIRRORED.powi(2) * across.norm_squared();
+                square <= EVEN_RING.powi(2) * other_square
+                    && other_square <= EVEN_RING.powi(2) * square
+                    && across.dot(&along).powi(2) < limit
+                    && across.dot(&normal).powi(2) < limit
+                    && across.norm_squared() > square
                     && (normal_at(one) - normal_at(other)).dot(&along).abs() < MIRRORED_NORMALS
             })
         })

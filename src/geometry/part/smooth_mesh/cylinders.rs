@@ -169,7 +169,7 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
     let facets = &surroundings.facets;
     let mut search = Search { mesh, facets, near, is_on_chord, visits, vain_cones, is_coneless };
     let mut seen = Seen::of(mesh);
-    let mut groups = Vec::new();
+    let (mut groups, mut around) = (Vec::new(), None);
     for (triangle, _) in seeds {
         if seen.is_tried[triangle] {
             continue;
@@ -179,7 +179,7 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
         }
         let Some(group) = search.group_at(triangle, &mut seen) else { continue };
         let on_mesh = OnMesh { mesh, group: &group };
-        if search.turns_enough(&group) && surroundings.confirm(&on_mesh) {
+        if search.turns_enough(&group) && surroundings.confirm(&on_mesh, &mut around) {
             group.triangles.iter().for_each(|&triangle| seen.is_known[triangle] = true);
             let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
             groups.push((group, at_edges, is_hollow));

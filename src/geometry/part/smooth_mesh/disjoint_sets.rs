@@ -29,18 +29,13 @@ impl DisjointSets {
 
     /// For each element the number of its set, from 0 in the order of first appearance, and how many sets there are.
     pub(super) fn numbered(mut self) -> (Vec<u32>, usize) {
-        let mut numbers = vec![0; self.parents.len()];
         let mut count = 0;
         for element in 0..self.parents.len() {
-            let root = self.root(element);
-            if root == element {
-                numbers[element] = count;
-                count += 1;
-            } else {
-                // The root is the smallest element of its set, so it has its number already.
-                numbers[element] = numbers[root];
-            }
+            let parent = self.parents[element] as usize;
+            // A parent is smaller than its element, so it is a number already.
+            self.parents[element] = if parent == element { count } else { self.parents[parent] };
+            count += u32::from(parent == element);
         }
-        (numbers, count as usize)
+        (self.parents, count as usize)
     }
 }

@@ -127,7 +127,6 @@ impl End {
 /// The facets of a mesh round those of a surface.
 pub(super) struct Surroundings<'a> {
     mesh: &'a SmoothMesh,
-    around: Neighbours,
     pub(super) facets: PlaneFacets,
     /// Vertices on a surface are this close to it, mm.
     pub(super) near: f64,
@@ -136,16 +135,18 @@ pub(super) struct Surroundings<'a> {
 impl<'a> Surroundings<'a> {
     pub(super) fn of(mesh: &'a SmoothMesh) -> Self {
         let near = precision(mesh);
-        let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
-        Self { mesh, around, facets: PlaneFacets::of(mesh, near), near }
+        Self { mesh, facets: PlaneFacets::of(mesh, near), near }
     }
 
-    /// Whether nothing beyond the ends of a surface contradicts it.
-    pub(super) fn confirm(&self, surface: &impl Straight) -> bool {
+    /// Whether nothing beyond the ends of a surface contradicts it. The neighbours of the mesh's vertices are found for the first
+    /// surface that has ends.
+    pub(super) fn confirm(&self, surface: &impl Straight, around: &mut Option<Neighbours>) -> bool {
         let ends = self.ends(surface.triangles());
         if ends.is_empty() {
             return true;
         }
+        let all = || Neighbours::of(&self.mesh.triangles, self.mesh.positions.len());
+        let around = around.get_or_insert_with(all);
         let corners = surface.triangles().iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
         let along = corners.map(|point| surface.along(&point));
         let rims = along
@@ -166,7 +167,7 @@ impl<'a> Surroundings<'a> {
             let [from, to] = self.mesh.ends(side);
             let length = (to - from).norm();
             rim += length;
-            let next = self.around.of_vertex(apex as usize).iter().filter_map(|&vertex| place(vertex));
+            let next = around.of_vertex(apex as usize).iter().filter_map(|&vertex| place(vertex));
             let next = next.filter(|next| next.distance() > NEXT * first.distance());
             let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
             let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };

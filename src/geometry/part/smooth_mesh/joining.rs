@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::arcs;
+use super::arcs::{self, NEGLIGIBLE_BEND};
 use super::creases::{Facing, Steps, matters};
 use super::cylinders;
 use super::disjoint_sets::DisjointSets;
@@ -12,11 +12,13 @@ use super::sections::Facets;
 use super::spheres;
 use super::strips;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
-use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, opposite_sides, sliver_side, weld, width};
+use crate::geometry::adjacency::{
+    NONE, Neighbours, facet_normal, opposite_sides, sliver_side, spread, weld, width,
+};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
-use crate::geometry::osculating_jet::{EstimatedNormal, refined_normal};
+use crate::geometry::osculating_jet::{EstimatedNormal, NEGLIGIBLE_RISE, refined_normal};
 use crate::geometry::space::View;
 
 /// The same where the file's normals were averaged to look smooth and the facets on both sides are about equally wide: that
@@ -36,9 +38,7 @@ const LEAST_BEND: f64 = 1e-5;
 
 /// The mesh without the triangles that are in it once more; `None` if there are no copies.
 fn without_copies(mesh: &TriMesh) -> Option<TriMesh> {
-    let welded = weld(mesh.positions());
-    let places: Vec<[u32; 3]> =
-        mesh.triangles().iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
+    let places = places_of(mesh.triangles(), mesh.positions());
     let opposite = opposite_sides(&places);
     let sorted = |triangle: usize| {
         let mut corners = places[triangle];
@@ -84,9 +84,7 @@ impl SmoothMesh {
         let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
         let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
         let corners = mesh.triangles();
-        let welded = weld(&positions);
-        let places: Vec<[u32; 3]> =
-            corners.iter().map(|triangle| triangle.map(|index| welded[index as usize])).collect();
+        let places = places_of(corners, &positions);
         let mut opposite = opposite_sides(&places);
         let points = |triangle: usize| corners[triangle].map(|index| positions[index as usize]);
         let facet = |triangle: usize| {
@@ -184,21 +182,28 @@ impl SmoothMesh {
             region_sets.join(side as usize / 3, other as usize / 3);
         }
 
+        let beside = creases.iter().chain(&sharp);
+        let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
+        let beside: Vec<[(usize, usize); 2]> = beside.collect();
+        // Large meshes need much memory here: what is read once is dropped.
+        drop(places);
         let (vertices, count) = vertex_sets.numbered();
-        let (regions, _) = region_sets.numbered();
+        let triangles: Vec<[u32; 3]> = vertices.as_chunks().0.to_vec();
+        drop(vertices);
+        let vertices = || triangles.iter().zip(corners).flat_map(|(own, given)| own.iter().zip(given));
         let mut shared = vec![Point3::origin(); count];
+        vertices().for_each(|(&own, &given)| shared[own as usize] = positions[given as usize]);
+        drop(positions);
         let mut normals = vec![Vector3::zeros(); count];
-        for (corner, &vertex) in vertices.iter().enumerate() {
-            shared[vertex as usize] = positions[corners[corner / 3][corner % 3] as usize];
-            if !only_shades {
-                normals[vertex as usize] += given_normal(corner);
-            }
+        if !only_shades && !given.is_empty() {
+            vertices().for_each(|(&own, &vertex)| normals[own as usize] += given[vertex as usize]);
         }
+        drop(given);
         let mut smooth = Self {
             positions: shared,
             normals,
-            triangles: vertices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),
-            regions,
+            triangles,
+            regions: region_sets.numbered().0,
             continued: opposite,
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
@@ -210,8 +215,6 @@ impl SmoothMesh {
         spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round);
         smooth.trust(is_round, &mut deviations);
         let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden);
-        let beside = creases.iter().chain(&sharp);
-        let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
         smooth.creases = smooth.edges_between(beside, is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
@@ -313,19 +316,18 @@ impl SmoothMesh {
         }
         // Where arcs meet, normals are known better than from what follows.
         let mut is_open = is_missing.clone();
-        let mut estimates: Vec<EstimatedNormal> = Vec::new();
+        let mut refined: Vec<(u32, EstimatedNormal)> = Vec::new();
         if is_missing.contains(&true) {
-            let around = Neighbours::of(&self.triangles, self.positions.len());
-            let estimated = |vertex: usize| {
-                if !is_missing[vertex] {
-                    return EstimatedNormal { normal: self.normals[vertex], deviation: 0.0 };
-                }
-                refined_normal(&self.positions, &self.normals, &around, vertex)
+            let mut is_near = self.at_bent_edges();
+            let bent = (0..is_near.len()).filter(|&vertex| is_near[vertex] && is_missing[vertex]);
+            let bent: Vec<u32> = bent.map(|vertex| vertex as u32).collect();
+            spread(&mut is_near, &self.triangles, 1);
+            let around = Neighbours::of_chosen(&self.triangles, &is_near);
+            let refine = |&vertex: &u32| {
+                (vertex, refined_normal(&self.positions, &self.normals, &around, vertex as usize))
             };
-            estimates = (0..self.normals.len()).map(estimated).collect();
-            let refined = estimates.iter().map(|estimate| estimate.normal).collect();
-            let first = std::mem::replace(&mut self.normals, refined);
-            for vertex in arcs::join(self, &first, &is_missing, &around) {
+            refined = bent.iter().map(refine).collect();
+            for vertex in arcs::join(self, &refined, &is_missing, &around) {
                 is_open[vertex as usize] = false;
             }
         }
@@ -340,19 +342,37 @@ impl SmoothMesh {
             self.doubts = flats::lead_across(self, &estimated, &chosen);
         }
         // What has replaced an estimate is known from the arcs or flat sides that it belongs to.
-        let remaining = estimates.iter().zip(&self.normals);
-        let deviations = remaining
-            .map(|(estimate, normal)| if estimate.normal == *normal { estimate.deviation } else { 0.0 });
-        (is_missing, deviations.collect())
+        let mut deviations = vec![0.0; if is_missing.contains(&true) { self.normals.len() } else { 0 }];
+        for (vertex, estimate) in refined {
+            if self.normals[vertex as usize] == estimate.normal {
+                deviations[vertex as usize] = estimate.deviation;
+            }
+        }
+        (is_missing, deviations)
+    }
+
+    /// For each vertex whether its normal and that at the other end of an edge bend this notably: where they do not, estimates from
+    /// the facets round them are not changed.
+    fn at_bent_edges(&self) -> Vec<bool> {
+        let mut is_bent = vec![false; self.positions.len()];
+        let least = 8.0 * NEGLIGIBLE_RISE.min(NEGLIGIBLE_BEND) * (1.0 - 1e-9);
+        self.for_each_edge(|ends| {
+            let [one, other] = ends.map(|end| end as usize);
+            let chord = self.positions[other] - self.positions[one];
+            let normals = [self.normals[one], self.normals[other]];
+            let turn = (normals[1] - normals[0]).norm_squared();
+            if turn * chord.norm_squared() > least * least
+                || (normals[0] + normals[1]).dot(&chord).abs() > least
+            {
+                (is_bent[one], is_bent[other]) = (true, true);
+            }
+        });
+        is_bent
     }
 
     /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at
     /// both ends are given. On a cylinder (`is_round`) they follow from it, and not from what is beyond.
-    fn edges_between(
-        &self,
-        edges: impl Iterator<Item = [(usize, usize); 2]>,
-        is_round: &[bool],
-    ) -> Vec<Crease> {
+    fn edges_between(&self, edges: Vec<[(usize, usize); 2]>, is_round: &[bool]) -> Vec<Crease> {
         let is_round = |crease: &Crease| is_round.get(crease.side as usize / 3) == Some(&true);
         let vertex = |corner: usize| self.triangles[corner / 3][corner % 3] as usize;
         let normals = |(one, other): (usize, usize)| [one, other].map(|corner| self.normals[vertex(corner)]);
@@ -460,6 +480,12 @@ fn edge_direction([one, other]: [Vector3<f64>; 2], along: Vector3<f64>) -> Vecto
         Some(direction) if direction.dot(&straight) > LEAST_ALONG => direction,
         _ => straight,
     }
+}
+
+/// For each triangle the places of its corners.
+fn places_of(triangles: &[[u32; 3]], positions: &[Point3<f64>]) -> Vec<[u32; 3]> {
+    let welded = weld(positions);
+    triangles.iter().map(|corners| corners.map(|vertex| welded[vertex as usize])).collect()
 }
 
 /// Parts what continues across the `edges`.

@@ -1,10 +1,10 @@
 //! The plane facets of a mesh: triangles that continue each other in one plane, as where a program divides a polygon.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::disjoint_sets::DisjointSets;
-use crate::geometry::adjacency::{NONE, facet_normal, sliver_side, width};
+use crate::geometry::adjacency::{NONE, grouped, sliver_side};
 
 /// Which triangles are of one plane facet.
 pub(super) struct PlaneFacets {
@@ -20,41 +20,46 @@ impl PlaneFacets {
     /// Those of a mesh whose vertices may be off by `near`, mm. The larger of two triangles defines the plane.
     pub(super) fn of(mesh: &SmoothMesh, near: f64) -> Self {
         let count = mesh.triangles.len();
-        let area = |triangle: usize| {
+        let across = |triangle: usize| {
             let [a, b, c] = mesh.corners(triangle).0;
-            (b - a).cross(&(c - a)).norm()
+            (b - a).cross(&(c - a))
         };
-        let areas: Vec<f64> = (0..count).map(area).collect();
+        let across: Vec<Vector3<f64>> = (0..count).map(across).collect();
+        let areas: Vec<f64> = across.iter().map(|across| across.norm()).collect();
         let mut sets = DisjointSets::new(count);
-        for (side, &other) in mesh.continued.iter().enumerate() {
-            let (here, there) = (side / 3, other as usize / 3);
-            if other == NONE || areas[here] < areas[there] {
-                continue;
-            }
-            // A sliver has no plane of its own; it belongs to the facet along its longest side.
-            if sliver_side(mesh.corners(there).0).is_some_and(|longest| longest != other as usize % 3) {
-                continue;
-            }
-            let corners = mesh.corners(here).0;
-            let far = mesh.corners(there).0[(other as usize % 3 + 2) % 3];
-            // How far a plane is off beyond the triangle that defines it.
-            let reach = width(mesh.corners(there).0, other as usize % 3) / width(corners, side % 3);
-            if (far - corners[0]).dot(&facet_normal(corners)).abs() <= near * (1.0 + reach) {
-                sets.join(here, there);
+        for here in 0..count {
+            let (corners, normal) = (mesh.corners(here).0, across[here] / areas[here]);
+            for side in 0..3 {
+                let other = mesh.continued[3 * here + side];
+                let there = other as usize / 3;
+                if other == NONE || areas[here] < areas[there] {
+                    continue;
+                }
+                let beyond = mesh.corners(there).0;
+                let [one, two, far] = [0, 1, 2].map(|turn| beyond[(other as usize + turn) % 3]);
+                // How far a plane is off beyond the triangle that defines it: as many times as that is narrower at their side.
+                let ends = [corners[side], corners[(side + 1) % 3]];
+                let lengths = [ends[1] - ends[0], two - one].map(|side| side.norm_squared());
+                let beyond_near = (far - corners[0]).dot(&normal).abs() / near - 1.0;
+                if !(beyond_near <= 0.0
+                    || (beyond_near * areas[here]).powi(2) * lengths[1] <= areas[there].powi(2) * lengths[0])
+                {
+                    continue;
+                }
+                // A sliver has no plane of its own; it belongs to the facet along its longest side.
+                if sliver_side(beyond).is_none_or(|longest| longest == other as usize % 3) {
+                    sets.join(here, there);
+                }
             }
         }
         let (of_triangle, facets) = sets.numbered();
-        let mut starts = vec![0u32; facets + 1];
-        of_triangle.iter().for_each(|&facet| starts[facet as usize + 1] += 1);
-        (0..facets).for_each(|facet| starts[facet + 1] += starts[facet]);
-        let mut triangles = vec![0u32; count];
-        let mut next = starts.clone();
-        for (triangle, &facet) in of_triangle.iter().enumerate() {
-            let (first, free) = (starts[facet as usize] as usize, next[facet as usize] as usize);
-            next[facet as usize] += 1;
-            triangles[free] = triangle as u32;
-            if areas[triangle] > areas[triangles[first] as usize] {
-                triangles.swap(first, free);
+        let (starts, mut triangles) = grouped(facets, || of_triangle.iter().copied().zip(0..));
+        for facet in starts.windows(2) {
+            let here = &mut triangles[facet[0] as usize..facet[1] as usize];
+            for at in 1..here.len() {
+                if areas[here[at] as usize] > areas[here[0] as usize] {
+                    here.swap(0, at);
+                }
             }
         }
         Self { of_triangle, starts, triangles }

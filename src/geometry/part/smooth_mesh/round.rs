@@ -10,6 +10,8 @@ use crate::geometry::shape_fit::{self, cross_directions};
 const LEAVES: f64 = 0.1;
 /// Those on a cone leave the plane of their circle by at most this share of what the circle leaves a straight line.
 const OF_BEND: f64 = 0.3;
+/// More than the rounding of a product of eigenvalues, as a share of that of their sums.
+const ROUNDING: f64 = 1e-13;
 /// Facets that turn by less than this, rad, show no axis.
 const LEAST_TURN: f64 = 0.01;
 /// After each of the first steps of a fit, points that are on a cylinder are within what they may be off and so many times what the
@@ -44,7 +46,7 @@ impl Round {
         if 1.0 - first.dot(&(spread * first)) < LEAST_TURN * LEAST_TURN {
             return None;
         }
-        let ([off, turn, _], axis) = principal(spread);
+        let ([off, turn, _], axis) = principal(spread, LEAVES)?;
         if turn < LEAST_TURN || off > LEAVES * turn {
             return None;
         }
@@ -70,7 +72,7 @@ impl Round {
         let count = planes.len() as f64;
         let mean = planes.iter().map(|plane| plane.normal).sum::<Vector3<f64>>() / count;
         let spread = planes.iter().map(|plane| plane.normal - mean).map(|off| off * off.transpose());
-        let ([thin, bend, turn], axis) = principal(spread.sum::<Matrix3<f64>>() / count);
+        let ([thin, bend, turn], axis) = principal(spread.sum::<Matrix3<f64>>() / count, OF_BEND)?;
         if turn < LEAST_TURN || thin > OF_BEND * bend {
             return None;
         }
@@ -154,13 +156,24 @@ impl Round {
     }
 }
 
-/// The roots of the eigenvalues of a matrix in ascending order, and the direction of the first.
-fn principal(spread: Matrix3<f64>) -> ([f64; 3], Unit<Vector3<f64>>) {
+/// The roots of the eigenvalues of a matrix in ascending order, and the direction of the first; `None` where its invariants show
+/// that the first is more than this share of the second.
+///
+/// For eigenvalues a = r·b ≤ b ≤ c, ab + bc + ca is at least (1 + r)·bc, and so abc·(a + b + c) at most 1 − (1 + r)⁻² times its square.
+fn principal(spread: Matrix3<f64>, share: f64) -> Option<([f64; 3], Unit<Vector3<f64>>)> {
+    let minor = |one: usize, two: usize| {
+        spread[(one, one)] * spread[(two, two)] - spread[(one, two)] * spread[(two, one)]
+    };
+    let (minors, trace) = (minor(0, 1) + minor(1, 2) + minor(2, 0), spread.trace());
+    let most = (1.0 - (1.0 + share * share).powi(-2)) * minors * minors;
+    if spread.determinant() * trace > most + ROUNDING * trace.powi(4) {
+        return None;
+    }
     let eigen = spread.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     let extents = order.map(|index: usize| eigen.eigenvalues[index].max(0.0).sqrt());
-    (extents, Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned()))
+    Some((extents, Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned())))
 }
 
 /// By how much the distances of points from a cylinder differ at most, mm, from what their derivatives state after a step to the next
@@ -200,4 +213,40 @@ fn circle_about(axis: Unit<Vector3<f64>>, points: &[Point3<f64>]) -> Option<Cyli
     let [x, y] = [solution.x / 2.0, solution.y / 2.0];
     let radius = (solution.z + x * x + y * y).sqrt();
     radius.is_finite().then(|| Cylinder { center: middle + first * x + second * y, axis, radius })
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Rotation3;
+
+    use super::*;
+
+    #[test]
+    fn the_invariants_of_a_spread_exclude_only_what_its_eigenvalues_exclude() {
+        let mut state = 5u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / (1u64 << 24) as f64
+        };
+        let (mut excluded, mut all) = (0, 0);
+        for share in [LEAVES, OF_BEND] {
+            for _ in 0..20_000 {
+                // Roots of eigenvalues: what normals turn by, from 0.01 rad on.
+                let most = 0.01 + random();
+                let middle = 0.01 + (most - 0.01) * random().powi(3);
+                let least = middle * random();
+                let axes = Rotation3::from_euler_angles(6.0 * random(), 6.0 * random(), 6.0 * random());
+                let roots = Matrix3::from_diagonal(&Vector3::new(least, middle, most));
+                let half = axes.matrix() * roots;
+                let found = principal(half * half.transpose(), share);
+                if least < share * middle {
+                    let (roots, _) = found.expect("within the share");
+                    assert!((roots[0] - least).abs() < 1e-6 && (roots[1] - middle).abs() < 1e-6, "{roots:?}");
+                } else {
+                    (excluded, all) = (excluded + usize::from(found.is_none()), all + 1);
+                }
+            }
+        }
+        assert!(4 * excluded > 3 * all, "{excluded} of {all}");
+    }
 }

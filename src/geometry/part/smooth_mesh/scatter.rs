@@ -14,77 +14,83 @@ const INDEPENDENT: f64 = -0.15;
 /// Above this correlation they are on the part; between the two they are partly.
 const STEADY: f64 = 0.1;
 
-/// Products and squares of the offsets at the ends of sides.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    products: f64,
-    squares: f64,
-}
+/// Of the offsets at the ends of sides, the sums of their products and of the means of their squares.
+type Sums = [f64; 2];
 
 impl SmoothMesh {
-    /// For each vertex its height above the surface through its neighbours, mm, where the heights of neighbours are independent;
-    /// 0 where they are alike, and at a rim.
+    /// For each `chosen` vertex its height above the surface through its neighbours, mm, where the heights of neighbours are
+    /// independent; 0 where they are alike, at a rim, and for other vertices. `around` has the neighbours of all vertices within two
+    /// sides of the chosen ones.
     ///
     /// On an arc, the normals at both ends of a side lean from it by opposite angles. If one end is too high, both lean the same
     /// way: half the sum of the leans times the length of the side is its height above the other end. A change of curvature makes
     /// opposite sides lean in opposite ways, so the mean over all sides leaves it out; derivatives of the fourth order are alike
     /// at neighbours, so the mean of the neighbours' heights is subtracted.
-    pub(super) fn scatter(&self, is_at_rim: &[bool], around: &Neighbours) -> Vec<f64> {
+    pub(super) fn scatter(&self, is_at_rim: &[bool], around: &Neighbours, chosen: &[bool]) -> Vec<f64> {
+        let offsets = self.offsets(is_at_rim);
+        let of_edge = |one: usize, other: usize| {
+            let [here, there] = [offsets[one], offsets[other]];
+            [here * there, (here * here + there * there) / 2.0]
+        };
+        let mut of_mesh = Sums::default();
+        self.for_each_edge(|ends| {
+            let [one, other] = ends.map(|end| end as usize);
+            if !is_at_rim[one] && !is_at_rim[other] {
+                of_mesh = with(of_mesh, of_edge(one, other));
+            }
+        });
+        let of_mesh = independence(of_mesh);
         let inner = |vertex: usize| {
             let ring = if is_at_rim[vertex] { &[] } else { around.of_vertex(vertex) };
             ring.iter().map(|&other| other as usize).filter(|&other| !is_at_rim[other])
         };
         let vertices = 0..self.positions.len();
-        let offset = |vertex: usize| {
-            let ring = if is_at_rim[vertex] { &[] } else { around.of_vertex(vertex) };
-            let (mut slopes, mut steepness) = (0.0, 0.0);
-            for &other in ring {
-                let (along, lean) = self.lean(vertex as u32, other);
-                let length = along.norm();
-                if length > 0.0 {
-                    slopes += lean / 2.0;
-                    steepness += 1.0 / length;
+        let mut sums = vec![Sums::default(); vertices.len()];
+        for vertex in vertices.clone() {
+            for other in inner(vertex) {
+                sums[vertex] = with(sums[vertex], of_edge(vertex, other));
+            }
+        }
+        // A few rings hold enough sides for a correlation.
+        let ring = |vertex: usize| inner(vertex).fold(sums[vertex], |near, other| with(near, sums[other]));
+        let rings = |vertex: usize| inner(vertex).fold(ring(vertex), |near, other| with(near, ring(other)));
+        let mut scatter = vec![0.0; vertices.len()];
+        for vertex in vertices.filter(|&vertex| chosen[vertex]) {
+            let count = inner(vertex).count();
+            if count > 0 {
+                let mean = inner(vertex).map(|other| offsets[other]).sum::<f64>() / count as f64;
+                scatter[vertex] = (offsets[vertex] - mean) * independence(rings(vertex)).max(of_mesh);
+            }
+        }
+        scatter
+    }
+
+    /// For each vertex its height above its neighbours by the leans of the sides between them, mm; 0 at a rim.
+    fn offsets(&self, is_at_rim: &[bool]) -> Vec<f64> {
+        let mut slopes = vec![0.0; self.positions.len()];
+        let mut steepness = vec![0.0; self.positions.len()];
+        self.for_each_edge(|[one, other]| {
+            let (along, lean) = self.lean(one, other);
+            let length = along.norm();
+            if length > 0.0 {
+                for (vertex, lean) in [(one as usize, lean), (other as usize, -lean)] {
+                    slopes[vertex] += lean / 2.0;
+                    steepness[vertex] += 1.0 / length;
                 }
             }
-            if steepness > 0.0 { -slopes / steepness } else { 0.0 }
-        };
-        let offsets: Vec<f64> = vertices.clone().map(offset).collect();
-        let sums = |vertex: usize| {
-            inner(vertex).fold(Sums::default(), |sums, other| {
-                let [here, there] = [offsets[vertex], offsets[other]];
-                sums.with(Sums { products: here * there, squares: (here * here + there * there) / 2.0 })
-            })
-        };
-        let sums: Vec<Sums> = vertices.clone().map(sums).collect();
-        // A few rings hold enough sides for a correlation.
-        let widened = |sums: &[Sums], vertex: usize| {
-            inner(vertex).fold(sums[vertex], |near, other| near.with(sums[other]))
-        };
-        let rings: Vec<Sums> = vertices.clone().map(|vertex| widened(&sums, vertex)).collect();
-        let of_mesh = sums.iter().copied().fold(Sums::default(), Sums::with).independence();
-        let scatter = |vertex: usize| {
-            let count = inner(vertex).count();
-            if count == 0 {
-                return 0.0;
-            }
-            let mean = inner(vertex).map(|other| offsets[other]).sum::<f64>() / count as f64;
-            (offsets[vertex] - mean) * widened(&rings, vertex).independence().max(of_mesh)
-        };
-        vertices.map(scatter).collect()
+        });
+        for ((slope, steepness), is_at_rim) in slopes.iter_mut().zip(steepness).zip(is_at_rim) {
+            *slope = if steepness > 0.0 && !is_at_rim { -*slope / steepness } else { 0.0 };
+        }
+        slopes
     }
 }
 
-impl Sums {
-    fn with(self, other: Self) -> Self {
-        Self { products: self.products + other.products, squares: self.squares + other.squares }
-    }
+fn with([products, squares]: Sums, other: Sums) -> Sums {
+    [products + other[0], squares + other[1]]
+}
 
-    /// 1 where neighbouring offsets are independent, 0 where they are alike.
-    fn independence(self) -> f64 {
-        if self.squares > 0.0 {
-            ((STEADY - self.products / self.squares) / (STEADY - INDEPENDENT)).clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
-    }
+/// 1 where neighbouring offsets are independent, 0 where they are alike.
+fn independence([products, squares]: Sums) -> f64 {
+    if squares > 0.0 { ((STEADY - products / squares) / (STEADY - INDEPENDENT)).clamp(0.0, 1.0) } else { 0.0 }
 }

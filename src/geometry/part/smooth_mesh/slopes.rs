@@ -15,7 +15,8 @@ use nalgebra::Vector3;
 use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
-use crate::geometry::adjacency::{NONE, Neighbours};
+use super::straightest::{STRAIGHT, Straightest};
+use crate::geometry::adjacency::{NONE, Neighbours, spread};
 
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
 /// of a cubic is (1 − s)(1 − 3s) times that error at the share s of the side.
@@ -45,8 +46,6 @@ const OF_PARABOLA: f64 = 0.73;
 const OF_RINGS: f64 = 0.1;
 /// A triangle belongs to a strip if the normals turn along one of its sides by at most this share of the largest turn.
 const RULING: f64 = 0.05;
-/// A side continues another one if they meet at an angle with a smaller cosine than this in the tangent plane.
-const STRAIGHT: f64 = -0.95;
 /// Leans are compared between sides whose lengths differ by at most this factor.
 const MOST_LONGER: f64 = 2.0;
 
@@ -63,27 +62,27 @@ impl SmoothMesh {
         deviations: &[f64],
         hidden: &[HiddenArc],
     ) -> Vec<f32> {
-        let mut slots = vec![NONE; self.triangles.len()];
-        let mut normals: Vec<[Vector3<f64>; 3]> = Vec::new();
-        for (triangle, slot) in slots.iter_mut().enumerate() {
-            if self.faces_laser(triangle) && self.bulges(triangle) {
-                *slot = normals.len() as u32;
-                normals.push(self.patch(triangle).normals_beside());
-            }
-        }
-        if normals.is_empty() && hidden.is_empty() {
+        let bulging = |&triangle: &usize| self.faces_laser(triangle) && self.bulges(triangle);
+        let bulging: Vec<usize> = (0..self.triangles.len()).filter(bulging).collect();
+        if bulging.is_empty() && hidden.is_empty() {
             return Vec::new();
         }
-        let around = Neighbours::of(&self.triangles, self.positions.len());
-        let mut is_at_rim = vec![false; self.positions.len()];
-        for side in (0..self.continued.len()).filter(|&side| self.continued[side] == NONE) {
-            let corners = self.triangles[side / 3];
-            for corner in [side % 3, (side % 3 + 1) % 3] {
-                is_at_rim[corners[corner] as usize] = true;
-            }
-        }
-        let scatter = self.scatter(&is_at_rim, &around);
-        let chains = estimated.contains(&true).then(|| Chains::of(self, &around));
+        // For each triangle which of the patches is its own, from 1 on.
+        let mut patches = vec![0u32; self.triangles.len()];
+        bulging.iter().zip(1..).for_each(|(&triangle, number)| patches[triangle] = number);
+        let normals: Vec<[Vector3<f64>; 3]> =
+            bulging.iter().map(|&triangle| self.patch(triangle).normals_beside()).collect();
+        let of_patch = |triangle: usize| normals.get((patches.get(triangle)?.checked_sub(1)?) as usize);
+        let mut is_corner = vec![false; self.positions.len()];
+        let corners = bulging.iter().flat_map(|&triangle| self.triangles[triangle]);
+        corners.for_each(|vertex| is_corner[vertex as usize] = true);
+        let mut is_near = is_corner.clone();
+        spread(&mut is_near, &self.triangles, 2);
+        let around = Neighbours::of_chosen(&self.triangles, &is_near);
+        let is_at_rim = self.rim();
+        let scatter = self.scatter(&is_at_rim, &around, &is_corner);
+        let straightest = Straightest::of(self, &around);
+        let chains = estimated.contains(&true).then(|| Chains::of(self, &straightest, &is_corner));
         let of_chords = |triangle: usize| {
             let Some(chains) = &chains else { return 0.0 };
             let corners = self.triangles[triangle];
@@ -91,22 +90,20 @@ impl SmoothMesh {
             let open = sides.into_iter().filter(|side| side.iter().any(|&end| estimated[end as usize]));
             open.map(|side| chains.doubt(side)).fold(0.0, f64::max)
         };
-        let doubt = |triangle: usize| {
-            let Some(own) = normals.get(slots[triangle] as usize) else { return 0.0 };
+        let doubt = |triangle: usize, own: &[Vector3<f64>; 3]| {
             let (mut squares, mut count) = (0.0, 0.0);
             let (corners, is_extruded) = (self.triangles[triangle], is_on_strip(self.turns(triangle)));
             for (side, normal) in own.iter().enumerate() {
                 let other = self.continued[3 * triangle + side] as usize;
-                let Some(beyond) = slots.get(other / 3).and_then(|&slot| normals.get(slot as usize)) else {
-                    continue;
-                };
+                let Some(beyond) = of_patch(other / 3) else { continue };
                 let apart = normal.cross(&beyond[other % 3]).norm() / 2.0;
                 let of_twist = if is_extruded { 0.0 } else { self.twist_doubt(triangle, side, normal) };
                 squares += apart.max(of_twist).powi(2);
                 count += 1.0;
             }
             let of_patches = if count > 0.0 { squares / count } else { 0.0 };
-            let of_curve = self.lean_doubt(triangle, estimated, &is_at_rim, &around).max(of_chords(triangle));
+            let of_curve =
+                self.lean_doubt(triangle, estimated, &is_at_rim, &straightest).max(of_chords(triangle));
             let deviation = |vertex: u32| deviations.get(vertex as usize).copied().unwrap_or(0.0);
             // The chords of a strip show the error better.
             let of_normals = match is_extruded {
@@ -117,7 +114,8 @@ impl SmoothMesh {
             let of_shape = (of_patches + of_curve.powi(2)).max(of_vertices);
             (of_shape + OF_NORMALS.powi(2) * of_normals).sqrt() as f32
         };
-        let mut doubts: Vec<f32> = (0..self.triangles.len()).map(doubt).collect();
+        let mut doubts = vec![0.0; self.triangles.len()];
+        bulging.iter().zip(&normals).for_each(|(&triangle, own)| doubts[triangle] = doubt(triangle, own));
         for &HiddenArc { triangle, doubt, .. } in hidden {
             if self.faces_laser(triangle) {
                 doubts[triangle] = doubts[triangle].max(doubt as f32);
@@ -160,7 +158,7 @@ impl SmoothMesh {
         triangle: usize,
         estimated: &[bool],
         is_at_rim: &[bool],
-        around: &Neighbours,
+        straightest: &Straightest<'_>,
     ) -> f64 {
         let corners = self.triangles[triangle];
         let ends = [0, 1, 2].map(|side| [corners[side], corners[(side + 1) % 3]]);
@@ -176,8 +174,12 @@ impl SmoothMesh {
                 return 0.0;
             }
             let excesses = [
-                self.excess(one, other, (along, lean), straight, around),
-                self.excess(other, one, (-along, -lean), straight, around),
+                straightest
+                    .beyond(other, one, straight)
+                    .map(|beyond| self.excess(one, beyond, (along, lean))),
+                straightest
+                    .beyond(one, other, straight)
+                    .map(|beyond| self.excess(other, beyond, (-along, -lean))),
             ];
             let Some(excess) = excesses.into_iter().flatten().reduce(f64::max) else {
                 let is_diagonal = leans.iter().all(|(other, _)| other.norm() <= along.norm());
@@ -212,33 +214,12 @@ impl SmoothMesh {
         (along, along.try_normalize(0.0).map_or(0.0, |along| sum.dot(&along)))
     }
 
-    /// By how much the lean of a side from a vertex differs from that of the side that continues it there, rad; 0 if there is
-    /// none.
+    /// By how much the lean of a side from a vertex differs from that of the side to another one that continues it there, rad.
     ///
     /// Where the curvature changes steadily along a curve, leans grow with the square of the length.
-    fn excess(
-        &self,
-        from: u32,
-        to: u32,
-        (along, lean): (Vector3<f64>, f64),
-        straight: f64,
-        around: &Neighbours,
-    ) -> Option<f64> {
-        let length = along.norm();
-        // Curves also turn within their own plane.
-        let normal = self.normals[from as usize];
-        let level = |side: Vector3<f64>| (side - normal * side.dot(&normal)).normalize();
-        let level_along = level(along);
-        let continuing = |&other: &u32| {
-            let (back, lean) = self.lean(from, other);
-            let cosine = level(back).dot(&level_along);
-            (other != to && cosine < straight).then_some((cosine, lean, back.norm()))
-        };
-        let continued = around.of_vertex(from as usize).iter().filter_map(continuing);
-        let straightest = continued.min_by(|one, other| one.0.total_cmp(&other.0));
-        straightest.map(|(_, beyond, beyond_length)| {
-            (lean + beyond * (length / beyond_length).min(MOST_LONGER).powi(2)).abs()
-        })
+    fn excess(&self, from: u32, beyond: u32, (along, lean): (Vector3<f64>, f64)) -> f64 {
+        let (back, lean_beyond) = self.lean(from, beyond);
+        (lean + lean_beyond * (along.norm() / back.norm()).min(MOST_LONGER).powi(2)).abs()
     }
 
     fn faces_laser(&self, triangle: usize) -> bool {

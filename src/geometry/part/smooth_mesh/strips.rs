@@ -101,7 +101,7 @@ fn certain_strips(
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
         return Vec::new();
     }
-    let mut surroundings = None;
+    let (mut surroundings, mut around) = (None, None);
     let mut search = Search { mesh, near: precision(mesh), steps: MOST_STEPS_IN_ALL, visits: MOST_VISITS };
     let mut curve_visits = MOST_VISITS;
     let is_estimated =
@@ -128,14 +128,14 @@ fn certain_strips(
         let curved = CurveStrip::of(mesh, axis, &triangles, is_ruling, search.near, &mut curve_visits);
         if let Some(strip) = curved
             && strip.triangles().iter().all(|&triangle| is_estimated(triangle))
-            && surroundings.confirm(&strip)
+            && surroundings.confirm(&strip, &mut around)
         {
             strip.triangles().iter().for_each(|&triangle| is_seen[triangle] = true);
             strips.push(Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden));
             continue;
         }
         let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
-        if !surroundings.confirm(&strip) {
+        if !surroundings.confirm(&strip, &mut around) {
             continue;
         }
         // Across its rulings, the ends are confirmed.
@@ -201,7 +201,8 @@ impl Search<'_> {
     fn is_parallel(&self, side: usize, direction: Vector3<f64>) -> bool {
         let [from, to] = self.mesh.ends(side);
         let chord = to - from;
-        chord.cross(&direction).norm() <= (OFF * self.near).min(CONTAINS * chord.norm())
+        let off = chord.cross(&direction).norm_squared();
+        off <= (OFF * self.near).powi(2) && off <= CONTAINS.powi(2) * chord.norm_squared()
     }
 
     /// The number of parallel sides in a row, from a first one on, between which the facets turn; no more than are needed.
