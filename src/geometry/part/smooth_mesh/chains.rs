@@ -106,6 +106,8 @@ impl<'a> Chains<'a> {
             // The arc of the side is known. What does not belong to it at its last vertex is that of a lone facet, or of a flat side.
             [Some(lean), None] if self.ends_openly(ways[1], lean) => error(lean),
             [None, Some(lean)] if self.ends_openly(ways[0], lean) => error(lean),
+            [Some(lean), None] if self.bends_back(ways[1], lean) => of_known * error(lean),
+            [None, Some(lean)] if self.bends_back(ways[0], lean) => of_known * error(lean),
             [Some(_), None] | [None, Some(_)] => 0.0,
             [None, None] if self.is_steady(ends) => 0.0,
             [None, None] => {
@@ -121,6 +123,13 @@ impl<'a> Chains<'a> {
         let Some(beyond) = self.straight_on(from, end) else { return true };
         let turn = self.turn_at(end, [from, beyond]);
         (turn - lean).abs() > NOT_FLAT * turn.abs() && self.lean_of_arc([end, beyond]).is_none()
+    }
+
+    /// Whether the arc of a side ends at its second end, where another one takes back as much as it turns: the two chords are in one
+    /// line, and the turns before and after do not change evenly.
+    fn bends_back(&self, [from, end]: [u32; 2], lean: f64) -> bool {
+        let turns_on = |beyond: u32| self.turn_at(end, [from, beyond]).abs() > NOT_FLAT * lean.abs();
+        !self.straight_on(from, end).is_none_or(turns_on) && !self.is_ramp([from, end])
     }
 
     /// By how much the normals of an arc lean from a side if the arc continues the curve beyond the side's second end, rad.
@@ -246,5 +255,80 @@ impl<'a> Chains<'a> {
                     && (normal_at(one) - normal_at(other)).dot(&along).abs() < MIRRORED_NORMALS
             })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::geometry::mesh::TriMesh;
+    use crate::geometry::space::View;
+
+    /// The radius of both arcs, mm, the turn of their chords, rad, the number of the chords of each, and the radius of the body, mm.
+    const SHOULDER: (f64, f64, u32, f64) = (10.8, 0.22, 3, 18.5);
+    /// Round the axis.
+    const STEPS: u32 = 30;
+
+    /// A shoulder of two equal arcs that bend opposite ways between a body and a neck, turned about the x axis.
+    fn shoulder() -> SmoothMesh {
+        let (radius, turn, chords, body) = SHOULDER;
+        let steepest = f64::from(chords) * turn;
+        let (reach, fall) = (radius * steepest.sin(), radius * (1.0 - steepest.cos()));
+        let first = |index: u32| {
+            let tilt = f64::from(index) * turn;
+            [radius * tilt.sin(), body - radius * (1.0 - tilt.cos())]
+        };
+        let last = |index: u32| first(index).map(|value| -value);
+        let moved = |[x, out]: [f64; 2]| [2.0 * reach + x, 2.0 * (body - fall) + out];
+        let arcs = (0..=chords).map(first).chain((0..chords).rev().map(|index| moved(last(index))));
+        let rings: Vec<[f64; 2]> = std::iter::once([-30.0, body])
+            .chain(arcs)
+            .chain([[2.0 * reach + 30.0, body - 2.0 * fall]])
+            .collect();
+        let at = |[x, out]: [f64; 2], step: u32| {
+            let angle = TAU * f64::from(step) / f64::from(STEPS);
+            Point3::new(x, -out * angle.sin(), out * angle.cos())
+        };
+        let positions: Vec<Point3<f64>> =
+            rings.iter().flat_map(|&ring| (0..STEPS).map(move |step| at(ring, step))).collect();
+        let cells =
+            (0..rings.len() as u32 - 1).flat_map(|row| (0..STEPS).map(move |step| (row * STEPS, step)));
+        let triangles = cells.flat_map(|(row, step)| {
+            let next = (step + 1) % STEPS;
+            let [a, b, c, d] = [row + step, row + next, row + STEPS + next, row + STEPS + step];
+            [[a, b, c], [a, c, d]]
+        });
+        SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap(), &View::top())
+    }
+
+    #[test]
+    fn where_two_equal_arcs_meet_doubts_cover_the_error_of_the_slope() {
+        let (radius, turn, chords, _) = SHOULDER;
+        let reach = radius * (f64::from(chords) * turn).sin();
+        let part = shoulder();
+        let (mut squares, mut doubts, mut count) = (0.0, 0.0, 0.0);
+        for triangle in 0..part.triangles.len() {
+            let corners = part.corners(triangle).0;
+            let meets = corners.iter().any(|at| (at.x - reach).abs() < 1e-9);
+            if !meets || corners.iter().any(|at| at.z < 5.0) {
+                continue;
+            }
+            let grid: Vec<(Point3<f64>, Vector3<f64>)> = part.patch(triangle).grid().collect();
+            let off = |(at, normal): &(Point3<f64>, Vector3<f64>)| {
+                let sine = (if at.x < reach { at.x } else { 2.0 * reach - at.x }) / radius;
+                let around = Vector3::new(0.0, at.y, at.z).normalize();
+                normal.angle(&(around * (1.0 - sine * sine).sqrt() + Vector3::x() * sine)).powi(2)
+            };
+            squares += grid.iter().map(off).sum::<f64>() / grid.len() as f64;
+            doubts += f64::from(part.slope_doubts[triangle]).powi(2);
+            count += 1.0;
+        }
+        let [error, doubt] = [squares, doubts].map(|sum: f64| (sum / count).sqrt());
+        // A doubt is the mean over lines in all directions, and the grid has many points at the corners, where the error is largest.
+        assert!(error > 0.01 && doubt >= 0.5 * error, "{doubt} rad for {error} rad");
     }
 }

@@ -10,7 +10,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
-use super::ends::{Straight, Surface, Surroundings, precision};
+use super::ends::{Straight, Surface, Surroundings, precision, rounding};
 use super::plane_facets::PlaneFacets;
 use super::round::{Plane, Round};
 use super::settling::Settling;
@@ -62,6 +62,8 @@ const SAME_NORMAL: f64 = 1e-3;
 /// The facets of a mesh that are on one cylinder or cone.
 struct Group {
     round: Round,
+    /// Its vertices may be off by this, mm.
+    near: f64,
     /// How far its facets may leave it, mm.
     most: f64,
     /// In the order in which they are found.
@@ -92,23 +94,34 @@ impl Rounds {
 
 /// Replaces normals that are `estimated` by those of the cylinders and cones that their vertices show, and their `deviations` by 0;
 /// those of cones are as exact as those of a file, and not estimated any more. At an edge that the facets beyond show, they get
-/// vertices of their own. Vertices on their chords move onto them.
-pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &mut Vec<bool>, deviations: &mut Vec<f64>) -> Rounds {
+/// vertices of their own. Vertices on their chords move onto them. `written` are the positions as the file states them.
+pub(super) fn settle(
+    mesh: &mut SmoothMesh,
+    written: &[Point3<f64>],
+    estimated: &mut Vec<bool>,
+    deviations: &mut Vec<f64>,
+) -> Rounds {
     let count = mesh.triangles.len();
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
         return Rounds::default();
     }
-    let groups = certain_groups(mesh, estimated);
+    let near = precision(mesh);
+    let mut is_known = vec![false; count];
+    let mut groups = certain_groups(mesh, estimated, near, &mut is_known);
+    // What rounding hides is looked for last: it asks for facets that leave the part farther.
+    let rounding = rounding(written);
+    if rounding > near {
+        groups.extend(certain_groups(mesh, estimated, rounding, &mut is_known));
+    }
     if groups.is_empty() {
         return Rounds::default();
     }
     // A hole that is cut into a mesh has its vertices on the facets; those of the part are on the cylinder.
-    let near = precision(mesh);
     for (group, ..) in &groups {
         for vertex in group.triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
             let at = &mut mesh.positions[vertex as usize];
             let off = group.round.distance(at);
-            if off.abs() > near {
+            if off.abs() > group.near {
                 *at -= group.round.outward(at) * off;
             }
         }
@@ -149,11 +162,17 @@ pub(super) fn settle(mesh: &mut SmoothMesh, estimated: &mut Vec<bool>, deviation
     rounds
 }
 
-/// The cylinders of which the vertices leave no doubt, each with those of its vertices that are at edges, and whether it is hollow.
-fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>, bool)> {
-    let near = precision(mesh);
-    let is_open =
-        |triangle: &usize| mesh.triangles[*triangle].iter().any(|&vertex| estimated[vertex as usize]);
+/// The cylinders of which the vertices, which may be off by `near`, mm, leave no doubt, each with those of its vertices that are at
+/// edges, and whether it is hollow. Triangles of these are known (`is_known`) from then on.
+fn certain_groups(
+    mesh: &SmoothMesh,
+    estimated: &[bool],
+    near: f64,
+    is_known: &mut [bool],
+) -> Vec<(Group, Vec<u32>, bool)> {
+    let is_open = |triangle: &usize| {
+        !is_known[*triangle] && mesh.triangles[*triangle].iter().any(|&vertex| estimated[vertex as usize])
+    };
     let bulges = (0..mesh.triangles.len()).filter(is_open).map(|triangle| (triangle, mesh.bulge(triangle)));
     let mut seeds: Vec<(usize, f64)> =
         bulges.filter(|&(triangle, bulge)| bulge >= ESTIMATED * mesh.least_bulge(triangle, near)).collect();
@@ -162,13 +181,13 @@ fn certain_groups(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(Group, Vec<u32>
     }
     // Facets that leave a cylinder less far belong to the group of those that leave it farther, as the narrow ones round a hole.
     seeds.sort_by(|(_, one), (_, other)| other.total_cmp(one));
-    let surroundings = Surroundings::of(mesh);
+    let surroundings = Surroundings::of(mesh, near);
     let is_on_chord = surroundings.facets.only_one(mesh);
     let visits = MOST_VISITS * mesh.triangles.len();
     let (vain_cones, is_coneless) = (MOST_VAIN_CONES, vec![false; mesh.triangles.len()]);
     let facets = &surroundings.facets;
     let mut search = Search { mesh, facets, near, is_on_chord, visits, vain_cones, is_coneless };
-    let mut seen = Seen::of(mesh);
+    let mut seen = Seen::of(mesh, is_known);
     let (mut groups, mut around) = (Vec::new(), None);
     for (triangle, _) in seeds {
         if seen.is_tried[triangle] {
@@ -278,9 +297,9 @@ impl Answers {
 }
 
 /// What the search has seen of each triangle and plane facet.
-struct Seen {
+struct Seen<'a> {
     /// Whether a group is certain of a triangle.
-    is_known: Vec<bool>,
+    is_known: &'a mut [bool],
     /// Whether a triangle was looked at for any group.
     is_tried: Vec<bool>,
     /// Whether a triangle is found for the present group.
@@ -289,12 +308,11 @@ struct Seen {
     facets: Answers,
 }
 
-impl Seen {
-    fn of(mesh: &SmoothMesh) -> Self {
+impl<'a> Seen<'a> {
+    fn of(mesh: &SmoothMesh, is_known: &'a mut [bool]) -> Self {
         let count = mesh.triangles.len();
-        let none = vec![false; count];
         let (found, facets) = (Answers::about(count), Answers::about(count));
-        Self { is_known: none.clone(), is_tried: none, found, facets }
+        Self { is_tried: is_known.to_vec(), is_known, found, facets }
     }
 }
 
@@ -315,7 +333,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// The facets on the cylinder of a triangle, if the strip across one of its sides shows one.
-    fn group_at(&mut self, triangle: usize, seen: &mut Seen) -> Option<Group> {
+    fn group_at(&mut self, triangle: usize, seen: &mut Seen<'_>) -> Option<Group> {
         let tries = REACHES.into_iter().flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
         tries.into_iter().find_map(|(reach, side)| {
             let mut group = self.start_at(triangle, side, reach)?;
@@ -325,7 +343,7 @@ impl Search<'_> {
                 self.visits = self.visits.saturating_sub(triangles.len());
                 let points = self.some_points(&triangles, Some(&group.round));
                 let round = group.round.fitted(&points);
-                let next = Group { round, most: group.most, triangles: Vec::new() };
+                let next = Group { round, triangles: Vec::new(), ..group };
                 let mut facets_on = FacetsOn::of(self, &next, self.near, &mut seen.facets);
                 triangles.retain(|&triangle| facets_on.has(triangle));
                 if triangles.len() <= group.triangles.len() {
@@ -347,6 +365,7 @@ impl Search<'_> {
         let usual = bulges[bulges.len() / 2];
         (usual >= self.mesh.least_bulge(triangle, self.near)).then(|| Group {
             round,
+            near: self.near,
             most: FLAT * usual,
             triangles: Vec::new(),
         })
@@ -421,7 +440,7 @@ impl Search<'_> {
 
     /// The triangles on a cylinder that can be reached from one of them, with all others of their plane facets: a narrow part of a
     /// flat side may have its vertices on the cylinder, too.
-    fn grown(&self, group: &Group, from: usize, seen: &mut Seen) -> Vec<usize> {
+    fn grown(&self, group: &Group, from: usize, seen: &mut Seen<'_>) -> Vec<usize> {
         let mut found = vec![from];
         seen.found.forget();
         seen.found.note(from, true);
@@ -712,6 +731,25 @@ mod tests {
             }
             let (most, count) = largest_lean(&smooth(positions, triangles), radius, slope);
             assert!(most < 1e-6 && count >= 40, "slope {slope}: {most} rad at {count} vertices");
+        }
+    }
+
+    #[test]
+    fn a_cone_and_a_cylinder_are_known_from_coordinates_with_three_decimals() {
+        for slope in [0.2, 0.0] {
+            let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+            let (low, high) = (uneven(15, 3), uneven(18, 8));
+            let rings = [(33.0, 0.0, low.as_slice()), (33.0 - slope * 60.0, 60.0, &high)];
+            strip(&mut positions, &mut triangles, rings);
+            positions.iter_mut().for_each(|at| *at = at.map(|value| (value * 1e3).round() / 1e3));
+            let round = smooth(positions, triangles);
+            let leans = round.positions.iter().zip(&round.normals).map(|(at, normal)| {
+                let across = at.coords.xy();
+                normal.angle(&Vector3::new(across.x, across.y, slope * across.norm()))
+            });
+            // Half a micrometre at either end of 60 mm, or over 33 mm round the axis.
+            let most = leans.fold(0.0, f64::max);
+            assert!(most < 1e-4, "slope {slope}: {most} rad");
         }
     }
 

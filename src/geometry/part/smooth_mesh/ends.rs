@@ -13,6 +13,10 @@ use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side, wi
 const ON: f64 = 1e-4;
 /// … this share of their largest coordinate: files state six to seven digits.
 const DIGITS: f64 = 1e-6;
+/// Programs that round coordinates round them to this, mm, at least. What coarser rounding leaves is not exact enough.
+const DECIMAL: f64 = 1e-3;
+/// Numbers of single precision are off by at most this share.
+const SINGLE: f64 = 1e-7;
 /// Facets beyond the end of a surface continue it, straight, where they lean along its lines by less than this, rad.
 const STRAIGHT: f64 = 1e-3;
 /// The arc of a profile that the facets of a surface may be part of has chords of about the same length; a surface is at least so
@@ -38,6 +42,14 @@ const FARTHER: f64 = 2.0;
 pub(super) fn precision(mesh: &SmoothMesh) -> f64 {
     let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
     ON.max(DIGITS * largest)
+}
+
+/// How far rounding may have moved vertices whose coordinates all have at most three decimals, mm; 0 if one has more.
+pub(super) fn rounding(positions: &[Point3<f64>]) -> f64 {
+    let largest = positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
+    let off = |value: f64| (value - (value / DECIMAL).round() * DECIMAL).abs();
+    let is_rounded = positions.iter().flat_map(|at| at.iter()).all(|value| off(*value) <= SINGLE * largest);
+    if is_rounded { 3f64.sqrt() * DECIMAL / 2.0 } else { 0.0 }
 }
 
 /// A surface that a group of facets shows.
@@ -133,8 +145,8 @@ pub(super) struct Surroundings<'a> {
 }
 
 impl<'a> Surroundings<'a> {
-    pub(super) fn of(mesh: &'a SmoothMesh) -> Self {
-        let near = precision(mesh);
+    /// Vertices may be off by `near`, mm.
+    pub(super) fn of(mesh: &'a SmoothMesh, near: f64) -> Self {
         Self { mesh, facets: PlaneFacets::of(mesh, near), near }
     }
 

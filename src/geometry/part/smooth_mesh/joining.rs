@@ -210,7 +210,7 @@ impl SmoothMesh {
             creases: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals();
-        let rounds = cylinders::settle(&mut smooth, &mut estimated, &mut deviations);
+        let rounds = cylinders::settle(&mut smooth, mesh.positions(), &mut estimated, &mut deviations);
         let is_round = &rounds.is_cylinder;
         spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round);
         smooth.trust(is_round, &mut deviations);

@@ -188,7 +188,7 @@ fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool]) -> Vec<Found>
         };
         let way = triangles.iter().map(facing).sum::<f64>().signum();
         let ball = Ball { mesh, sphere, triangles };
-        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh));
+        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near));
         let at_edges = surroundings.at_edges(&ball);
         found.push((sphere, ball.triangles, at_edges, way));
     }

@@ -119,7 +119,7 @@ fn certain_strips(
         }
         let Some((axis, triangles)) = found else { continue };
         triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
-        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh));
+        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, search.near));
         // By itself already.
         if surroundings.ends(&triangles).is_empty() {
             continue;
