@@ -6,9 +6,9 @@
 //! the leans of the normals show the error, as on a turned part without normals: on an arc the normals at both ends of a
 //! side lean from it by equal and opposite angles. Where nothing confirms the arc of a side, it may be another one
 //! (`chains`), and so may an edge that only the facets show (`hidden_arcs`). Normals that are estimated have a deviation of
-//! their own, and vertices that are not on the part scatter (`scatter`). On parts given by formulas, with facets of 0.75 to 5 mm, with and without normals, even, uneven and
-//! decimated, half the difference bounds the error of the lengths, areas and angles that follows from the error of the
-//! slope (`tests/true_surface/bounds.rs`).
+//! their own, and vertices that are not on the part scatter (`scatter`). On parts given by formulas, with facets of 0.75 to 5
+//! mm, with and without normals, even, uneven and decimated, half the difference bounds the error of the lengths, areas and
+//! angles that follows from the error of the slope (`tests/true_surface/bounds.rs`).
 
 use nalgebra::Vector3;
 
@@ -16,7 +16,8 @@ use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
 use super::straightest::{STRAIGHT, Straightest};
-use crate::geometry::adjacency::{NONE, Neighbours, spread};
+use crate::geometry::adjacency::{NONE, Neighbours, spread, width};
+use crate::geometry::space::Extents;
 
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
 /// of a cubic is (1 − s)(1 − 3s) times that error at the share s of the side.
@@ -50,9 +51,11 @@ const RULING: f64 = 0.05;
 const MOST_LONGER: f64 = 2.0;
 
 /// Slopes are those of lines of about this length, mm, at least. Part and patch are both near their facet, so that over a line the
-/// slopes of the two differ by at most four times as much as the patch bends; slivers, as at the pole of a ball, have steep patches
-/// over next to nothing.
+/// slopes of the two differ by at most four times as much as the patch bends; slivers that are narrower than the line, as at the
+/// pole of a ball, have steep patches over next to nothing.
 const SHORTEST: f64 = 0.25;
+/// The same as a share of the diagonal of a small part, whose drawings are small.
+const SHORTEST_SHARE: f64 = 0.005;
 
 impl SmoothMesh {
     /// For each triangle that faces the laser, how far the slope of the part may be from that of its curved patch, rad, root
@@ -95,6 +98,8 @@ impl SmoothMesh {
             let open = sides.into_iter().filter(|side| side.iter().any(|&end| estimated[end as usize]));
             open.map(|side| chains.doubt(side)).fold(0.0, f64::max)
         };
+        let size = Extents::of(self.positions.iter().map(|at| at.coords.xy())).size().norm();
+        let shortest = SHORTEST.min(SHORTEST_SHARE * size);
         let doubt = |triangle: usize, own: &[Vector3<f64>; 3]| {
             let (mut squares, mut count) = (0.0, 0.0);
             let (corners, is_extruded) = (self.triangles[triangle], is_on_strip(self.turns(triangle)));
@@ -118,7 +123,9 @@ impl SmoothMesh {
             let of_vertices = self.scatter_doubt(triangle, estimated, &scatter).powi(2);
             let of_shape = (of_patches + of_curve.powi(2)).max(of_vertices);
             let doubt = (of_shape + OF_NORMALS.powi(2) * of_normals).sqrt();
-            doubt.min(4.0 * self.largest_bend(triangle) / SHORTEST) as f32
+            let is_sliver = (0..3).any(|side| width(self.corners(triangle).0, side) < shortest);
+            let shown = if is_sliver { 4.0 * self.largest_bend(triangle) / shortest } else { f64::INFINITY };
+            doubt.min(shown) as f32
         };
         let mut doubts = vec![0.0; self.triangles.len()];
         bulging.iter().zip(&normals).for_each(|(&triangle, own)| doubts[triangle] = doubt(triangle, own));
