@@ -44,7 +44,7 @@ struct Uneven {
 
 /// Replaces the estimates from the facets round each vertex, which the mesh has, by `refined` ones, and where arcs meet, and beside
 /// them, by those that the arcs lead to; returns the vertices where that settles them: beside a side that is much longer than
-/// another one, a small error would bend it far. Elsewhere than at the refined vertices, in ascending order, no side bends.
+/// another one, a small error would bend it far. `refined`, in ascending order, has all vertices at which a side bends.
 pub(super) fn join(
     mesh: &mut SmoothMesh,
     refined: &[(u32, EstimatedNormal)],

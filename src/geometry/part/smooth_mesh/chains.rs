@@ -125,11 +125,13 @@ impl<'a> Chains<'a> {
         (turn - lean).abs() > NOT_FLAT * turn.abs() && self.lean_of_arc([end, beyond]).is_none()
     }
 
-    /// Whether the arc of a side ends at its second end, where another one takes back as much as it turns: the two chords are in one
-    /// line, and the turns before and after do not change evenly.
+    /// Whether the arc of a side ends at its second end, where a known one bends the other way or takes back as much as it turns, and
+    /// the turns before and after do not change evenly.
     fn bends_back(&self, [from, end]: [u32; 2], lean: f64) -> bool {
-        let turns_on = |beyond: u32| self.turn_at(end, [from, beyond]).abs() > NOT_FLAT * lean.abs();
-        !self.straight_on(from, end).is_none_or(turns_on) && !self.is_ramp([from, end])
+        let Some(beyond) = self.straight_on(from, end) else { return false };
+        let is_straight = self.turn_at(end, [from, beyond]).abs() <= NOT_FLAT * lean.abs();
+        let is_other_way = || self.lean_of_arc([end, beyond]).is_some_and(|other| other * lean < 0.0);
+        (is_straight || is_other_way()) && !self.is_ramp([from, end])
     }
 
     /// By how much the normals of an arc lean from a side if the arc continues the curve beyond the side's second end, rad.
@@ -306,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn where_two_equal_arcs_meet_doubts_cover_the_error_of_the_slope() {
+    fn where_two_equal_arcs_meet_half_of_the_error_of_the_slope_is_in_doubt_at_least() {
         let (radius, turn, chords, _) = SHOULDER;
         let reach = radius * (f64::from(chords) * turn).sin();
         let part = shoulder();

@@ -44,7 +44,7 @@ pub(super) fn precision(mesh: &SmoothMesh) -> f64 {
     ON.max(DIGITS * largest)
 }
 
-/// How far rounding may have moved vertices whose coordinates all have at most three decimals, mm; 0 if one has more.
+/// How far rounding may have moved vertices whose coordinates in mm all have at most three decimals, mm; 0 if one has more.
 pub(super) fn rounding(positions: &[Point3<f64>]) -> f64 {
     let largest = positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
     let off = |value: f64| (value - (value / DECIMAL).round() * DECIMAL).abs();
