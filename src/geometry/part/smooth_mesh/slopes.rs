@@ -320,7 +320,7 @@ mod tests {
     /// Facets of a scan may be narrower than any line. They are off because their vertices are.
     #[test]
     fn the_noise_of_fine_facets_stays_in_doubt() {
-        const COUNT: u32 = 60;
+        const COUNT: u32 = 160;
         let (radius, noise, step) = (30.0f64, 0.02, 0.25);
         let mut state = 7u64;
         let mut random = || {
@@ -328,7 +328,7 @@ mod tests {
             (state >> 40) as f64 / (1u64 << 24) as f64
         };
         let positions = (0..COUNT * COUNT).map(|index| {
-            let [x, y] = [index % COUNT, index / COUNT].map(|at| (f64::from(at) - 29.5) * step);
+            let [x, y] = [index % COUNT, index / COUNT].map(|at| (f64::from(at) - 79.5) * step);
             // Box & Muller, A note on the generation of random normal deviates, 1958.
             let off = noise * (-2.0 * random().max(1e-9).ln()).sqrt() * (TAU * random()).cos();
             Point3::new(x, y, (radius * radius - x * x - y * y).sqrt() + off)
