@@ -439,10 +439,9 @@ impl FacingPart {
 
 /// The outline of a triangle in the view.
 struct Outline {
-    /// For each side a point on it, and the way across it, out of the triangle and as long as the side, mm.
-    sides: [(Vector2<f64>, Vector2<f64>); 3],
-    /// What is near, mm.
-    reach: f64,
+    /// For each side a point on it, the way across it, out of the triangle and as long as the side, mm, and the product of its
+    /// length with what is near, mm².
+    sides: [(Vector2<f64>, Vector2<f64>, f64); 3],
 }
 
 impl Outline {
@@ -451,17 +450,15 @@ impl Outline {
         let sides = [0, 1, 2].map(|side| {
             let [from, to] = [side, (side + 1) % 3].map(|corner| corners[corner].coords.xy());
             let along = to - from;
-            (from, Vector2::new(-along.y, along.x) * out)
+            let across = Vector2::new(-along.y, along.x) * out;
+            (from, across, reach * across.norm())
         });
-        Self { sides, reach }
+        Self { sides }
     }
 
     /// Whether a point may be within the reach of the triangle; nothing else is.
     fn is_near(&self, at: Vector2<f64>) -> bool {
-        let is_beyond = |(from, across): &(Vector2<f64>, Vector2<f64>)| {
-            across.dot(&(at - from)) > self.reach * across.norm()
-        };
-        !self.sides.iter().any(is_beyond)
+        !self.sides.iter().any(|(from, across, reach)| across.dot(&(at - from)) > *reach)
     }
 }
 
