@@ -12,6 +12,7 @@
 use crate as geometry;
 
 pub mod space;
+pub mod fork;
 mod part;
 pub mod normal_equations;
 pub mod surface;

@@ -7,10 +7,13 @@
 pub(crate) mod elimination;
 pub(crate) mod factor;
 
+use std::ops::Range;
+
 use multiversion::multiversion;
 
 use self::elimination::Elimination;
 use self::factor::{Couplings, Factor, FactorError};
+use crate::geometry::fork::{Fork, InTurn, join};
 
 /// A control point is coupled to its neighbours within this number of rows and columns.
 const REACH: usize = 3;
@@ -47,6 +50,15 @@ pub struct NormalEquations<const COMPONENTS: usize> {
     right: Vec<[f64; COMPONENTS]>,
 }
 
+/// The equations of some rows of control points.
+#[derive(Debug)]
+pub(crate) struct EquationRows<'e, const COMPONENTS: usize> {
+    columns: usize,
+    rows: Range<usize>,
+    matrix: &'e mut [[[[f64; COMPONENTS]; COMPONENTS]; STENCIL.len()]],
+    right: &'e mut [[f64; COMPONENTS]],
+}
+
 /// Why the equations could not be solved.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -75,10 +87,11 @@ pub enum SolveError {
 
 /// The elimination order of a grid, computed once and used for every matrix on it.
 #[derive(Debug, Clone)]
-pub struct GridSolver<const COMPONENTS: usize> {
+pub struct GridSolver<'f, const COMPONENTS: usize> {
     columns: usize,
     rows: usize,
     elimination: Elimination,
+    fork: &'f dyn Fork,
 }
 
 /// One observation that depends on the 4 × 4 control points of a cell: its derivative by each of their components.
@@ -184,6 +197,38 @@ impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
     }
 }
 
+impl<const COMPONENTS: usize> EquationRows<'_, COMPONENTS> {
+    /// Whether a cell whose lower left control point is in a row has control points here.
+    pub(crate) fn touch(&self, row: usize) -> bool {
+        row < self.rows.end && self.rows.start < row + 4
+    }
+
+    /// Adds what the observations of the cell whose lower left control point is (`column`, `row`) say of the control points here.
+    #[inline(always)]
+    pub(crate) fn add_cell(&mut self, column: usize, row: usize, sum: &CellSum<COMPONENTS>) {
+        for first in 0..16 {
+            let (i, j) = (first % 4, first / 4);
+            if !self.rows.contains(&(row + j)) {
+                continue;
+            }
+            let point = (row + j - self.rows.start) * self.columns + column + i;
+            for component in 0..COMPONENTS {
+                self.right[point][component] += sum.right[first][component];
+            }
+            for second in first..16 {
+                let (k, l) = (second % 4, second / 4);
+                let neighbour = stencil_index(k as isize - i as isize, l as isize - j as isize);
+                let block = &mut self.matrix[point][neighbour];
+                for component in 0..COMPONENTS {
+                    for other in 0..COMPONENTS {
+                        block[component][other] += sum.matrix[first][second][component][other];
+                    }
+                }
+            }
+        }
+    }
+}
+
 impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// Empty equations for `columns` × `rows` control points.
     pub fn new(columns: usize, rows: usize) -> Self {
@@ -199,23 +244,19 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// Adds the observations of the cell whose lower left control point is (`column`, `row`).
     #[inline(always)]
     pub fn add_cell(&mut self, column: usize, row: usize, sum: &CellSum<COMPONENTS>) {
-        for first in 0..16 {
-            let (i, j) = (first % 4, first / 4);
-            let point = (row + j) * self.columns + column + i;
-            for component in 0..COMPONENTS {
-                self.right[point][component] += sum.right[first][component];
-            }
-            for second in first..16 {
-                let (k, l) = (second % 4, second / 4);
-                let neighbour = stencil_index(k as isize - i as isize, l as isize - j as isize);
-                let block = &mut self.matrix[point][neighbour];
-                for component in 0..COMPONENTS {
-                    for other in 0..COMPONENTS {
-                        block[component][other] += sum.matrix[first][second][component][other];
-                    }
-                }
-            }
-        }
+        let (rows, matrix, right) = (0..self.rows, &mut self.matrix[..], &mut self.right[..]);
+        EquationRows { columns: self.columns, rows, matrix, right }.add_cell(column, row, sum);
+    }
+
+    /// Calls `add` for halves of the equations, which `fork` may fill at once: it must add all cells to each that
+    /// [touch](EquationRows::touch) it.
+    pub(crate) fn fill(&mut self, fork: &dyn Fork, add: &(impl Fn(&mut EquationRows<COMPONENTS>) + Sync)) {
+        let (columns, middle) = (self.columns, self.rows / 2);
+        let (low, high) = self.matrix.split_at_mut(middle * columns);
+        let (right_low, right_high) = self.right.split_at_mut(middle * columns);
+        let mut low = EquationRows { columns, rows: 0..middle, matrix: low, right: right_low };
+        let mut high = EquationRows { columns, rows: middle..self.rows, matrix: high, right: right_high };
+        join(fork, || add(&mut low), || add(&mut high));
     }
 
     /// The right-hand side Aᵀb, row by row.
@@ -291,7 +332,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     ///
     /// # Panics
     /// Never, if `solver` was made for the same grid.
-    pub fn solve(&self, solver: &GridSolver<COMPONENTS>) -> Result<Vec<[f64; COMPONENTS]>, SolveError> {
+    pub fn solve(&self, solver: &GridSolver<'_, COMPONENTS>) -> Result<Vec<[f64; COMPONENTS]>, SolveError> {
         let mut solution = [self.right.clone()];
         self.solve_each(solver, &mut solution)?;
         let [solution] = solution;
@@ -308,13 +349,13 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// Never, if `solver` was made for the same grid and each right-hand side has its length.
     pub fn solve_each(
         &self,
-        solver: &GridSolver<COMPONENTS>,
+        solver: &GridSolver<'_, COMPONENTS>,
         rights: &mut [Vec<[f64; COMPONENTS]>],
     ) -> Result<(), SolveError> {
         assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "solver made for another grid");
         let elimination = &solver.elimination;
         let unknowns = elimination.len() * COMPONENTS;
-        let factor = Factor::new(elimination, self).map_err(|error| match error {
+        let factor = Factor::new(elimination, self, solver.fork).map_err(|error| match error {
             FactorError::Pivot => SolveError::NotPositiveDefinite { unknowns },
             FactorError::Memory => SolveError::OutOfMemory { unknowns },
         })?;
@@ -459,7 +500,7 @@ impl<const COMPONENTS: usize> Couplings<COMPONENTS, 1> for NormalEquations<COMPO
     }
 }
 
-impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
+impl<'f, const COMPONENTS: usize> GridSolver<'f, COMPONENTS> {
     /// The solver for `columns` × `rows` control points.
     ///
     /// # Errors
@@ -482,7 +523,13 @@ impl<const COMPONENTS: usize> GridSolver<COMPONENTS> {
             let points = columns.saturating_mul(rows);
             SolveError::OutOfMemory { unknowns: points.saturating_mul(COMPONENTS) }
         })?;
-        Ok(Self { columns, rows, elimination })
+        Ok(Self { columns, rows, elimination, fork: &InTurn })
+    }
+
+    /// The solver that solves halves of the equations at once, if `fork` does.
+    #[must_use]
+    pub fn with_fork(self, fork: &'f dyn Fork) -> Self {
+        Self { fork, ..self }
     }
 }
 

@@ -11,6 +11,7 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 
 use nalgebra::{Point3, Vector2, Vector3};
 
+use crate::geometry::fork::InTurn;
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::normal_equations::elimination::Elimination;
 use crate::geometry::normal_equations::factor::{Couplings, Factor};
@@ -424,7 +425,7 @@ fn parametrise(
         |vertex: usize| (1..columns).contains(&(vertex % width)) && (1..rows).contains(&(vertex / width));
     let unsolved = FloaterError::Unsolved { unknowns: columns.saturating_sub(1) * rows.saturating_sub(1) };
     let elimination = Elimination::new((width, rows + 1), 1, 1, is_inner).ok_or(unsolved)?;
-    let factor = Factor::new(&elimination, &means).map_err(|_| unsolved)?;
+    let factor = Factor::new(&elimination, &means, &InTurn).map_err(|_| unsolved)?;
     for axis in 0..2 {
         let right = |vertex: &u32| {
             let vertex = *vertex as usize;

@@ -723,7 +723,7 @@ mod tests {
     }
 
     /// Ribs with straight flanks of slope 0.2, 40 mm long, over a length along x, mm, as a mesh with the normals of its facets.
-    fn ribs(pitch: f64, length: f64) -> FacingPart {
+    fn ribs(pitch: f64, length: f64) -> FacingPart<'static> {
         let half = pitch / 2.0;
         let count = (length / half).round() as i32;
         let (mut positions, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());

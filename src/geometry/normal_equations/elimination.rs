@@ -131,6 +131,19 @@ impl Elimination {
         &self.rows[start..self.fronts[front].rows_end]
     }
 
+    /// For each front the first of those that are added to it, directly or through others; itself if there are none. `None` when
+    /// there is not enough memory.
+    pub(crate) fn starts(&self) -> Option<Vec<usize>> {
+        let mut starts: Vec<usize> = Vec::new();
+        starts.try_reserve_exact(self.fronts.len()).ok()?;
+        for (front, Front { children, .. }) in self.fronts.iter().enumerate() {
+            // Each child ends where the next one starts.
+            let start = (0..*children).fold(front, |start, _| starts[start - 1]);
+            starts.push(start);
+        }
+        Some(starts)
+    }
+
     /// How many of the fronts before this one, and not added to others yet, are added to it.
     pub(crate) fn children(&self, front: usize) -> usize {
         self.fronts[front].children

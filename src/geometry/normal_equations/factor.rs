@@ -18,6 +18,7 @@ use std::ops::Range;
 use multiversion::multiversion;
 
 use super::elimination::{Elimination, filled};
+use crate::geometry::fork::{Fork, join};
 
 /// Rows and columns of a tile.
 const SIDE: usize = 4;
@@ -27,6 +28,9 @@ const AREA: usize = SIDE * SIDE;
 const PANEL: usize = 24;
 /// Rows of tiles that stay in the cache while others are multiplied by them.
 const BLOCK: usize = 24;
+
+/// Halves with fewer unknowns are factored in less time than it takes to share them.
+const LEAST_HALF: usize = 400;
 
 /// Why there is no factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,8 +60,24 @@ pub(crate) trait Couplings<const COMPONENTS: usize, const SIDES: usize> {
 #[derive(Debug, Clone)]
 pub(crate) struct Factor<'a, const COMPONENTS: usize, const SIDES: usize> {
     elimination: &'a Elimination,
+    parts: Vec<Part<SIDES>>,
+}
+
+/// The factor of consecutive fronts.
+#[derive(Debug, Clone)]
+struct Part<const SIDES: usize> {
+    fronts: Range<usize>,
     /// Front by front; on the diagonal, the reciprocals.
     sides: [Vec<f64>; SIDES],
+}
+
+/// What is factored.
+struct Task<'a, Matrix> {
+    elimination: &'a Elimination,
+    matrix: &'a Matrix,
+    /// See [`Elimination::starts`].
+    starts: &'a [usize],
+    fork: &'a dyn Fork,
 }
 
 /// The sizes of a front, in tiles.
@@ -75,6 +95,11 @@ const fn triangle(side: usize) -> usize {
 }
 
 impl Shape {
+    fn of<const COMPONENTS: usize>(elimination: &Elimination, front: usize) -> Self {
+        let tiles = |points: usize| (points * COMPONENTS).div_ceil(SIDE);
+        Self { own: tiles(elimination.own(front).len()), rest: tiles(elimination.rows(front).len()) }
+    }
+
     /// The first tile of a row in the factor.
     fn row(self, row: usize) -> usize {
         if row < self.own { triangle(row) } else { triangle(self.own) + (row - self.own) * self.own }
@@ -103,126 +128,43 @@ impl Shape {
 }
 
 impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SIDES> {
-    /// Factors a matrix.
+    /// Factors a matrix; `fork` may factor its halves at once.
     ///
     /// # Errors
     /// See [`FactorError`].
     pub(crate) fn new(
         elimination: &'a Elimination,
-        matrix: &impl Couplings<COMPONENTS, SIDES>,
+        matrix: &(impl Couplings<COMPONENTS, SIDES> + Sync),
+        fork: &dyn Fork,
     ) -> Result<Self, FactorError> {
-        let (in_factor, in_remainders) = Self::numbers(elimination)?;
-        let mut sides = [const { Vec::new() }; SIDES];
-        let mut remainders = [const { Vec::new() }; SIDES];
-        for side in 0..SIDES {
-            sides[side].try_reserve_exact(in_factor)?;
-            remainders[side].try_reserve_exact(in_remainders)?;
-        }
-        let mut this = Self { elimination, sides };
-        let mut slots = filled(elimination.len(), 0).ok_or(FactorError::Memory)?;
-        // The fronts whose remainders are not added yet, with the start of each.
-        let mut waiting: Vec<(usize, usize)> = Vec::new();
-        for front in 0..elimination.fronts() {
-            let shape = Self::shape(elimination, front);
-            let (start, end) = (this.sides[0].len(), remainders[0].len());
-            for side in 0..SIDES {
-                this.sides[side].resize(start + shape.factor_len(), 0.0);
-                remainders[side].resize(end + shape.remainder_len(), 0.0);
-            }
-            let own = elimination.own(front);
-            own.clone().enumerate().for_each(|(index, at)| slots[at] = index * COMPONENTS);
-            let rows = elimination.rows(front).iter().enumerate();
-            rows.for_each(|(index, at)| slots[*at as usize] = shape.own * SIDE + index * COMPONENTS);
-            let mut factors = this.sides.each_mut().map(|side| &mut side[start..]);
-            Self::assemble(elimination, matrix, front, shape, &slots, &mut factors);
-            let children = waiting.len() - elimination.children(front);
-            let freed = waiting.get(children).map_or(end, |child| child.1);
-            for (child, at) in waiting.drain(children..) {
-                let places = places::<COMPONENTS>(elimination, child, &slots);
-                for side in 0..SIDES {
-                    let (before, remainder) = remainders[side].split_at_mut(end);
-                    add_remainder(&before[at..], &places, shape, factors[side], remainder);
-                }
-            }
-            eliminate(shape, &mut factors, &mut remainders.each_mut().map(|side| &mut side[end..]))?;
-            for side in &mut remainders {
-                side.copy_within(end.., freed);
-                side.truncate(freed + shape.remainder_len());
-            }
-            waiting.push((front, freed));
-        }
-        Ok(this)
-    }
-
-    /// The values of the matrix in the columns of a front.
-    fn assemble(
-        elimination: &Elimination,
-        matrix: &impl Couplings<COMPONENTS, SIDES>,
-        front: usize,
-        shape: Shape,
-        slots: &[usize],
-        factors: &mut [&mut [f64]; SIDES],
-    ) {
-        let own = elimination.own(front);
-        for position in own.clone() {
-            let point = elimination.order()[position] as usize;
-            let column = slots[position];
-            matrix.each(point, |other, values| {
-                let Some(at) = elimination.position(other).filter(|at| *at >= position) else { return };
-                for down in 0..COMPONENTS {
-                    let row = shape.factor_row(slots[at] + down);
-                    for across in 0..if at == position { down + 1 } else { COMPONENTS } {
-                        for side in 0..SIDES {
-                            factors[side][row + (column + across) * SIDE] += values[side][down][across];
-                        }
-                    }
-                }
-            });
-        }
-        // Unused columns of the last tile.
-        for slot in own.len() * COMPONENTS..shape.own * SIDE {
-            factors.iter_mut().for_each(|factor| factor[shape.factor_row(slot) + slot * SIDE] = 1.0);
-        }
-    }
-
-    /// Numbers of each side of the factor, and of the remainders that exist at the same time.
-    fn numbers(elimination: &Elimination) -> Result<(usize, usize), FactorError> {
-        let (mut in_factor, mut used, mut most) = (0usize, 0usize, 0usize);
-        let mut waiting: Vec<usize> = Vec::new();
-        for front in 0..elimination.fronts() {
-            let shape = Self::shape(elimination, front);
-            in_factor = in_factor.checked_add(shape.factor_len()).ok_or(FactorError::Memory)?;
-            used = used.checked_add(shape.remainder_len()).ok_or(FactorError::Memory)?;
-            most = most.max(used);
-            let children = waiting.drain(waiting.len() - elimination.children(front)..);
-            used -= children.sum::<usize>();
-            waiting.push(shape.remainder_len());
-        }
-        Ok((in_factor, most))
-    }
-
-    fn shape(elimination: &Elimination, front: usize) -> Shape {
-        let tiles = |points: usize| (points * COMPONENTS).div_ceil(SIDE);
-        Shape { own: tiles(elimination.own(front).len()), rest: tiles(elimination.rows(front).len()) }
+        let starts = elimination.starts().ok_or(FactorError::Memory)?;
+        let (parts, _) =
+            Task { elimination, matrix, starts: &starts, fork }.halves(0..elimination.fronts())?;
+        Ok(Self { elimination, parts })
     }
 
     /// Replaces a right-hand side, in the order of the elimination, by the solution.
     pub(crate) fn solve(&self, right: &mut [[f64; COMPONENTS]]) {
-        let [lower, upper] = [&self.sides[0], &self.sides[SIDES - 1]];
         let right = right.as_flattened_mut();
-        let mut start = 0;
         let mut values = Vec::new();
-        for front in 0..self.elimination.fronts() {
-            let shape = Self::shape(self.elimination, front);
-            let factor = &lower[start..start + shape.factor_len()];
-            self.forward(front, shape, factor, right, &mut values);
-            start += shape.factor_len();
+        for part in &self.parts {
+            let mut start = 0;
+            for front in part.fronts.clone() {
+                let shape = Shape::of::<COMPONENTS>(self.elimination, front);
+                let factor = &part.sides[0][start..start + shape.factor_len()];
+                self.forward(front, shape, factor, right, &mut values);
+                start += shape.factor_len();
+            }
         }
-        for front in (0..self.elimination.fronts()).rev() {
-            let shape = Self::shape(self.elimination, front);
-            start -= shape.factor_len();
-            let factor = &upper[start..start + shape.factor_len()];
-            self.backward(front, shape, factor, right, &mut values);
+        for part in self.parts.iter().rev() {
+            let upper = &part.sides[SIDES - 1];
+            let mut start = upper.len();
+            for front in part.fronts.clone().rev() {
+                let shape = Shape::of::<COMPONENTS>(self.elimination, front);
+                start -= shape.factor_len();
+                let factor = &upper[start..start + shape.factor_len()];
+                self.backward(front, shape, factor, right, &mut values);
+            }
         }
     }
 
@@ -286,6 +228,190 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
         let len = own.len();
         right[own].copy_from_slice(&values[..len]);
     }
+}
+
+impl<Matrix> Task<'_, Matrix> {
+    /// The factor of some fronts that end with the one that the others are added to, and the remainder of this one.
+    fn halves<const COMPONENTS: usize, const SIDES: usize>(
+        &self,
+        fronts: Range<usize>,
+    ) -> Result<(Vec<Part<SIDES>>, [Vec<f64>; SIDES]), FactorError>
+    where
+        Matrix: Couplings<COMPONENTS, SIDES> + Sync,
+    {
+        let Some([one, other]) = self.large_halves(&fronts, COMPONENTS) else {
+            let (part, remainder) = self.in_turn(fronts)?;
+            return Ok((vec![part], remainder));
+        };
+        let top = other.end;
+        let children = [one.end - 1, other.end - 1];
+        let (one, other) = join(self.fork, || self.halves(one), || self.halves(other));
+        let ((mut parts, of_one), (more, of_other)) = (one?, other?);
+        parts.extend(more);
+        let mut slots = filled(self.elimination.len(), 0).ok_or(FactorError::Memory)?;
+        let shape = Shape::of::<COMPONENTS>(self.elimination, top);
+        let mut sides = zeros(shape.factor_len())?;
+        let mut remainder = zeros(shape.remainder_len())?;
+        self.front(
+            top,
+            children
+                .into_iter()
+                .zip([&of_one, &of_other].map(|of_half| of_half.each_ref().map(Vec::as_slice))),
+            &mut slots,
+            sides.each_mut().map(Vec::as_mut_slice),
+            remainder.each_mut().map(Vec::as_mut_slice),
+        )?;
+        parts.push(Part { fronts: top..fronts.end, sides });
+        Ok((parts, remainder))
+    }
+
+    /// The two halves below the last of some fronts; `None` where there are no two, or where one is so small that nothing is gained
+    /// at once.
+    fn large_halves(&self, fronts: &Range<usize>, components: usize) -> Option<[Range<usize>; 2]> {
+        let top = fronts.end.checked_sub(1).filter(|&top| self.starts[top] == fronts.start)?;
+        if self.elimination.children(top) != 2 {
+            return None;
+        }
+        let middle = self.starts[top - 1];
+        let halves = [fronts.start..middle, middle..top];
+        let unknowns = |half: &Range<usize>| {
+            (self.elimination.own(half.end - 1).end - self.elimination.own(half.start).start) * components
+        };
+        halves.iter().all(|half| unknowns(half) >= LEAST_HALF).then_some(halves)
+    }
+
+    /// The factor of some fronts, one after the other, and the remainder of the last one.
+    fn in_turn<const COMPONENTS: usize, const SIDES: usize>(
+        &self,
+        fronts: Range<usize>,
+    ) -> Result<(Part<SIDES>, [Vec<f64>; SIDES]), FactorError>
+    where
+        Matrix: Couplings<COMPONENTS, SIDES>,
+    {
+        let elimination = self.elimination;
+        let (in_factor, in_remainders) = numbers::<COMPONENTS>(elimination, fronts.clone())?;
+        let mut sides = [const { Vec::new() }; SIDES];
+        let mut remainders = [const { Vec::new() }; SIDES];
+        for side in 0..SIDES {
+            sides[side].try_reserve_exact(in_factor)?;
+            remainders[side].try_reserve_exact(in_remainders)?;
+        }
+        let mut slots = filled(elimination.len(), 0).ok_or(FactorError::Memory)?;
+        // The fronts whose remainders are not added yet, with the start of each.
+        let mut waiting: Vec<(usize, usize)> = Vec::new();
+        for front in fronts.clone() {
+            let shape = Shape::of::<COMPONENTS>(elimination, front);
+            let (start, end) = (sides[0].len(), remainders[0].len());
+            for side in 0..SIDES {
+                sides[side].resize(start + shape.factor_len(), 0.0);
+                remainders[side].resize(end + shape.remainder_len(), 0.0);
+            }
+            let children = waiting.len() - elimination.children(front);
+            let freed = waiting.get(children).map_or(end, |child| child.1);
+            let mut before: [&[f64]; SIDES] = [&[]; SIDES];
+            let mut after = remainders.each_mut().map(Vec::as_mut_slice);
+            for (before, after) in before.iter_mut().zip(&mut after) {
+                let (old, new) = std::mem::take(after).split_at_mut(end);
+                (*before, *after) = (old, new);
+            }
+            let added = waiting.drain(children..).map(|(child, at)| (child, before.map(|side| &side[at..])));
+            self.front(front, added, &mut slots, sides.each_mut().map(|side| &mut side[start..]), after)?;
+            for side in &mut remainders {
+                side.copy_within(end.., freed);
+                side.truncate(freed + shape.remainder_len());
+            }
+            waiting.push((front, freed));
+        }
+        Ok((Part { fronts, sides }, remainders))
+    }
+
+    /// Factors a front: the values of the matrix in its columns and the remainders of its children.
+    fn front<'r, const COMPONENTS: usize, const SIDES: usize>(
+        &self,
+        front: usize,
+        children: impl Iterator<Item = (usize, [&'r [f64]; SIDES])>,
+        slots: &mut [usize],
+        mut factors: [&mut [f64]; SIDES],
+        mut remainders: [&mut [f64]; SIDES],
+    ) -> Result<(), FactorError>
+    where
+        Matrix: Couplings<COMPONENTS, SIDES>,
+    {
+        let elimination = self.elimination;
+        let shape = Shape::of::<COMPONENTS>(elimination, front);
+        elimination.own(front).enumerate().for_each(|(index, at)| slots[at] = index * COMPONENTS);
+        let rows = elimination.rows(front).iter().enumerate();
+        rows.for_each(|(index, at)| slots[*at as usize] = shape.own * SIDE + index * COMPONENTS);
+        self.assemble(front, shape, slots, &mut factors);
+        for (child, of_child) in children {
+            let places = places::<COMPONENTS>(elimination, child, slots);
+            for side in 0..SIDES {
+                add_remainder(of_child[side], &places, shape, factors[side], remainders[side]);
+            }
+        }
+        eliminate(shape, &mut factors, &mut remainders)
+    }
+
+    /// The values of the matrix in the columns of a front.
+    fn assemble<const COMPONENTS: usize, const SIDES: usize>(
+        &self,
+        front: usize,
+        shape: Shape,
+        slots: &[usize],
+        factors: &mut [&mut [f64]; SIDES],
+    ) where
+        Matrix: Couplings<COMPONENTS, SIDES>,
+    {
+        let elimination = self.elimination;
+        let own = elimination.own(front);
+        for position in own.clone() {
+            let point = elimination.order()[position] as usize;
+            let column = slots[position];
+            self.matrix.each(point, |other, values| {
+                let Some(at) = elimination.position(other).filter(|at| *at >= position) else { return };
+                for down in 0..COMPONENTS {
+                    let row = shape.factor_row(slots[at] + down);
+                    for across in 0..if at == position { down + 1 } else { COMPONENTS } {
+                        for side in 0..SIDES {
+                            factors[side][row + (column + across) * SIDE] += values[side][down][across];
+                        }
+                    }
+                }
+            });
+        }
+        // Unused columns of the last tile.
+        for slot in own.len() * COMPONENTS..shape.own * SIDE {
+            factors.iter_mut().for_each(|factor| factor[shape.factor_row(slot) + slot * SIDE] = 1.0);
+        }
+    }
+}
+
+/// Numbers of each side of the factor of some fronts, and of the remainders that exist at the same time.
+fn numbers<const COMPONENTS: usize>(
+    elimination: &Elimination,
+    fronts: Range<usize>,
+) -> Result<(usize, usize), FactorError> {
+    let (mut in_factor, mut used, mut most) = (0usize, 0usize, 0usize);
+    let mut waiting: Vec<usize> = Vec::new();
+    for front in fronts {
+        let shape = Shape::of::<COMPONENTS>(elimination, front);
+        in_factor = in_factor.checked_add(shape.factor_len()).ok_or(FactorError::Memory)?;
+        used = used.checked_add(shape.remainder_len()).ok_or(FactorError::Memory)?;
+        most = most.max(used);
+        let children = waiting.drain(waiting.len() - elimination.children(front)..);
+        used -= children.sum::<usize>();
+        waiting.push(shape.remainder_len());
+    }
+    Ok((in_factor, most))
+}
+
+/// Zeros for each side; an error when there is not enough memory.
+fn zeros<const SIDES: usize>(len: usize) -> Result<[Vec<f64>; SIDES], FactorError> {
+    let mut sides = [const { Vec::new() }; SIDES];
+    for side in &mut sides {
+        *side = filled(len, 0.0).ok_or(FactorError::Memory)?;
+    }
+    Ok(sides)
 }
 
 /// A row of tiles times a vector.
@@ -481,6 +607,7 @@ fn divide_tile(tile: &mut [f64; AREA], divisor: &[f64; AREA]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::fork::InTurn;
     use nalgebra::{DMatrix, DVector};
 
     /// A dense matrix over the points of a grid.
@@ -538,7 +665,8 @@ mod tests {
             let matrix = self.random::<COMPONENTS>(SIDES == 1);
             let size = (self.columns, self.rows);
             let elimination = Elimination::new(size, self.reach, COMPONENTS, is_unknown).unwrap();
-            let factor = Factor::<COMPONENTS, SIDES>::new(&elimination, &Dense(matrix.clone())).unwrap();
+            let factor =
+                Factor::<COMPONENTS, SIDES>::new(&elimination, &Dense(matrix.clone()), &InTurn).unwrap();
             let unknowns: Vec<usize> = (0..matrix.nrows()).filter(|at| is_unknown(at / COMPONENTS)).collect();
             if unknowns.is_empty() {
                 return;
@@ -613,7 +741,7 @@ mod tests {
         use std::f64::consts::PI;
         for (columns, rows) in [(130, 120), (1000, 3), (1, 7)] {
             let elimination = Elimination::new((columns, rows), 3, 1, |_| true).unwrap();
-            let factor = Factor::new(&elimination, &Laplace { columns, rows, middle: 4.0 }).unwrap();
+            let factor = Factor::new(&elimination, &Laplace { columns, rows, middle: 4.0 }, &InTurn).unwrap();
             let (u, v) = (2.0 * PI / (columns + 1) as f64, 3.0 * PI / (rows + 1) as f64);
             let wave = |point: u32| {
                 let (column, row) = (point as usize % columns + 1, point as usize / columns + 1);
@@ -633,7 +761,7 @@ mod tests {
         for middle in [0.0, 1.0, 3.9, -4.0, f64::NAN, f64::INFINITY] {
             let (columns, rows) = (31, 30);
             let elimination = Elimination::new((columns, rows), 3, 1, |_| true).unwrap();
-            let found = Factor::new(&elimination, &Laplace { columns, rows, middle });
+            let found = Factor::new(&elimination, &Laplace { columns, rows, middle }, &InTurn);
             assert_eq!(found.err(), Some(FactorError::Pivot), "{middle}");
         }
     }
@@ -641,7 +769,8 @@ mod tests {
     #[test]
     fn no_unknowns_have_an_empty_solution() {
         let elimination = Elimination::new((5, 5), 3, 1, |_| false).unwrap();
-        let factor = Factor::new(&elimination, &Laplace { columns: 5, rows: 5, middle: 4.0 }).unwrap();
+        let factor =
+            Factor::new(&elimination, &Laplace { columns: 5, rows: 5, middle: 4.0 }, &InTurn).unwrap();
         factor.solve(&mut []);
     }
 }

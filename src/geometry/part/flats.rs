@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use super::adjacency::{NONE, facet_normal, sliver_side};
 use super::chord_normals::{self, Chord};
 use super::smooth_mesh::SmoothMesh;
+use crate::geometry::fork::{Fork, mapped};
 
 /// Facets belong to one plane if their corners are within this of it, mm, and the cosine between their normals is above
 /// [`COPLANAR`]: tolerances for the rounding in files.
@@ -368,7 +369,7 @@ impl Planes {
 
 /// For each triangle, whether it is bent by its normals by more than [`NEGLIGIBLE_BEND`] or within two vertices of
 /// such a triangle; `None` if there is none.
-pub(super) fn round_bent_ones(mesh: &SmoothMesh) -> Option<Vec<bool>> {
+pub(super) fn round_bent_ones(mesh: &SmoothMesh, fork: &dyn Fork) -> Option<Vec<bool>> {
     let bends = |triangle: usize| {
         let (points, normals) = mesh.corners(triangle);
         (0..3).any(|corner| {
@@ -376,7 +377,7 @@ pub(super) fn round_bent_ones(mesh: &SmoothMesh) -> Option<Vec<bool>> {
             off((corner + 1) % 3).max(off((corner + 2) % 3)) > 4.0 * NEGLIGIBLE_BEND
         })
     };
-    let mut chosen: Vec<bool> = (0..mesh.triangles.len()).map(bends).collect();
+    let mut chosen = mapped(fork, mesh.triangles.len(), bends);
     if !chosen.contains(&true) {
         return None;
     }

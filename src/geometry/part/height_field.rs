@@ -1,14 +1,17 @@
 //! The height field: the height of the part over a grid of the view, as the laser sees it.
 
+use std::ops::Range;
+
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::adjacency::{NONE, turn_in_view};
+use super::adjacency::turn_in_view;
 use super::curved_triangle::Hit;
 use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::solid::Solid;
 use super::solid::frame::Placement;
 use super::solid::rays::{FaceHit, HIDDEN, SeenSolid, Start, first_of};
+use crate::geometry::fork::{Fork, InTurn, found, in_pieces, join, mapped};
 use crate::geometry::space::{Extents, View, ViewPoint};
 
 /// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
@@ -36,6 +39,9 @@ const BESIDE: f64 = 0.01;
 const SKINS: [f64; 2] = [0.05, 2e-3];
 // A hidden face must not be a second skin.
 const _: () = assert!(HIDDEN > SKINS[0]);
+
+/// Rows of nodes at which exact faces are looked for at once, at least.
+const LEAST_ROWS: usize = 4;
 
 /// What the laser meets at a grid node.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,9 +80,33 @@ type NodeHits = Vec<Option<(u32, Hit)>>;
 /// The nodes with a second skin, in ascending order, and its distance from the first, mm.
 type SecondSkins = Vec<(usize, f64)>;
 
+/// The nodes that the patch of a triangle may cover.
+struct Covered {
+    triangle: u32,
+    is_facing: bool,
+    columns: Range<u32>,
+    rows: Range<u32>,
+}
+
+/// What is seen at the nodes of some rows.
+struct SeenNodes<'a> {
+    grid: &'a Grid,
+    rows: Range<usize>,
+    hits: &'a mut [Option<(u32, Hit)>],
+    doubled: SecondSkins,
+}
+
+impl SeenNodes<'_> {
+    /// The nodes of a row.
+    fn line(&mut self, row: usize) -> &mut [Option<(u32, Hit)>] {
+        &mut self.hits[(row - self.rows.start) * self.grid.columns..][..self.grid.columns]
+    }
+}
+
 /// A part turned to the laser, ready to be sampled at any spacing.
 #[derive(Debug, Clone)]
-pub struct FacingPart {
+pub struct FacingPart<'f> {
+    fork: &'f dyn Fork,
     mesh: SmoothMesh,
     /// The exact faces, if they are known; the mesh is empty then.
     faces: Option<SeenSolid>,
@@ -105,7 +135,7 @@ pub struct PartSamples {
 
 /// How far the part may be from its samples: between the vertices of a mesh, where they and their normals do not define it,
 /// or because the points of a scan scatter.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Uncertainty {
     /// Of the slope, rad.
     pub slope: f32,
@@ -207,24 +237,36 @@ impl Grid {
     }
 }
 
-impl FacingPart {
+impl FacingPart<'static> {
     /// The part as the `view` shows it. Normals of the file are used; for a mesh without normals they are estimated
     /// ([`SmoothMesh::new`]).
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
+        FacingPart::with_fork(mesh, view, &InTurn)
+    }
+}
+
+impl<'f> FacingPart<'f> {
+    /// [`FacingPart::new`]; `fork` may do halves of the work on this part at once.
+    pub fn with_fork(mesh: &TriMesh, view: &View, fork: &'f dyn Fork) -> Self {
         // The table of continuing sides is large and no longer needed.
-        let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view) };
+        let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) };
         // Each vertex is a corner of a triangle.
         let extents = Extents::of(mesh.positions.iter().map(|position| position.coords.xy()));
-        Self { mesh, faces: None, extents }
+        Self { fork, mesh, faces: None, extents }
     }
 
     /// The exact faces of a solid as the `view` shows them; `mesh` is a tessellation of it, which gives its extents.
-    pub fn of_solid(solid: &Solid, mesh: &TriMesh, view: &View) -> Self {
+    pub fn of_solid(solid: &Solid, mesh: &TriMesh, view: &View, fork: &'f dyn Fork) -> Self {
         let corners = mesh.triangles().iter().flatten();
         let extents =
             Extents::of(corners.map(|&index| view.point(mesh.positions()[index as usize]).coords.xy()));
         let faces = SeenSolid::new(&solid.placed(&Placement::turned(view.rotation())));
-        Self { mesh: SmoothMesh::default(), faces: Some(faces), extents }
+        Self { fork, mesh: SmoothMesh::default(), faces: Some(faces), extents }
+    }
+
+    /// Does halves of the work on this part at once.
+    pub(crate) fn fork(&self) -> &'f dyn Fork {
+        self.fork
     }
 
     /// The exact faces, if they are known.
@@ -256,7 +298,7 @@ impl FacingPart {
     /// Samples, for every node of the grid, the point of the curved triangles that is nearest to the laser.
     pub fn sample(&self, grid: &Grid) -> PartSamples {
         let (hits, doubled) = match &self.faces {
-            Some(faces) => exact_hits(faces, grid),
+            Some(faces) => exact_hits(faces, grid, self.fork),
             None => self.hits(grid),
         };
         let met = hits.iter().flatten().count();
@@ -265,97 +307,116 @@ impl FacingPart {
             gap,
             share: doubled.len() as f64 / met.max(1) as f64,
         });
-        let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
-        self.mark_edges(&field, &hits, &mut is_at_edge);
-        self.mark_creases(&field, &mut is_at_edge);
-        PartSamples {
-            field,
-            is_at_edge,
-            doubts: self.doubts(&hits),
-            uncertainties: self.uncertainties(&hits),
-            slopes: hits.iter().map(|hit| hit.map_or_else(Vector2::zeros, |(_, hit)| hit.gradient)).collect(),
-            skins,
-        }
+        let heights = || {
+            let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
+            self.mark_edges(&field, &hits, &mut is_at_edge);
+            self.mark_creases(&field, &mut is_at_edge);
+            (field, is_at_edge)
+        };
+        let gradient = |hit: &Option<(u32, Hit)>| hit.map_or_else(Vector2::zeros, |(_, hit)| hit.gradient);
+        let others = || (self.doubts(&hits), self.uncertainties(&hits), hits.iter().map(gradient).collect());
+        let ((field, is_at_edge), (doubts, uncertainties, slopes)) = join(self.fork, heights, others);
+        PartSamples { field, is_at_edge, doubts, uncertainties, slopes, skins }
     }
 
     /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin.
     fn hits(&self, grid: &Grid) -> (NodeHits, SecondSkins) {
+        let triangles = self.mesh.triangles.len();
+        let covered = found(self.fork, triangles, |triangle| self.covered(grid, triangle));
         let mut hits: NodeHits = vec![None; grid.count()];
-        let mut doubled = Vec::new();
-        let is_hidden = |seen: &Option<(u32, Hit)>, top: f64| {
-            seen.is_some_and(|(_, old)| old.on_patch && top + SKINS[0] < old.height)
+        let rows = grid.rows / 2;
+        let (low, high) = hits.split_at_mut(rows * grid.columns);
+        let meet_all = |rows: Range<usize>, hits: &mut [Option<(u32, Hit)>]| {
+            let mut seen = SeenNodes { grid, rows, hits, doubled: Vec::new() };
+            // What faces the laser comes first: most of it hides what faces away.
+            for is_facing in [true, false] {
+                let of_side = covered.iter().filter(|covered| covered.is_facing == is_facing);
+                of_side.for_each(|covered| self.meet(covered, &mut seen));
+            }
+            seen.doubled
         };
-        let mut meet = |triangle: usize| {
-            let points = self.mesh.corners(triangle).0;
-            let extents = Extents::of(points.map(|point| point.coords.xy()));
-            let diagonal = extents.size().norm();
-            let nodes_in = |extents: Extents| {
-                let columns = grid.range(extents.min.x, extents.max.x, grid.origin.x, grid.columns);
-                if columns.is_empty() {
-                    return None;
-                }
-                let rows = grid.range(extents.min.y, extents.max.y, grid.origin.y, grid.rows);
-                (!rows.is_empty()).then_some((columns, rows))
-            };
-            if nodes_in(extents.grown(diagonal * MOST_BULGE)).is_none() {
-                return;
-            }
-            let most_bulge = self.mesh.most_bulge(triangle);
-            let grown = extents.grown(most_bulge.min(diagonal * MOST_BULGE));
-            let Some((in_columns, in_rows)) = nodes_in(grown) else { return };
-            let outline = Outline::of(points, most_bulge + BESIDE * diagonal);
-            let is_near = |column: usize, row: usize| outline.is_near(grid.position(column, row).coords());
-            if !in_rows.clone().any(|row| in_columns.clone().any(|column| is_near(column, row))) {
-                return;
-            }
-            let sides = [points[1] - points[0], points[2] - points[1], points[0] - points[2]];
-            let longest = sides.iter().map(Vector3::norm_squared).fold(0.0, f64::max).sqrt();
-            let highest = points.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max);
-            let nodes =
-                |row: usize| row * grid.columns + in_columns.start..row * grid.columns + in_columns.end;
-            let is_surely_hidden =
-                |seen: &Option<(u32, Hit)>| is_hidden(seen, highest + longest * HIGHEST_BULGE);
-            if in_rows.clone().all(|row| hits[nodes(row)].iter().all(is_surely_hidden)) {
-                return;
-            }
-            let patch = self.mesh.patch(triangle);
-            let bulge = patch.largest_bulge();
-            let Some(patch) = patch.seen() else { return };
-            let near = extents.grown(bulge);
-            for row in in_rows {
-                for column in in_columns.clone() {
-                    let at = grid.position(column, row).coords();
-                    let seen = &mut hits[row * grid.columns + column];
-                    if !near.contains(at) || is_hidden(seen, highest + bulge) {
-                        continue;
-                    }
-                    let Some(hit) = patch.hit(at) else { continue };
-                    if let Some((other, old)) = seen {
-                        let gap = (hit.height - old.height).abs();
-                        if gap < SKINS[0] && gap > SKINS[1] && self.are_skins(triangle, *other as usize) {
-                            doubled.push((row * grid.columns + column, gap));
-                        }
-                    }
-                    // A flat facet under a neighbour's bulge must not hide the true surface.
-                    let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
-                    match seen {
-                        Some((_, old)) if old.on_patch && hit.height <= old.height + lead => {}
-                        Some((_, old)) if !old.on_patch && hit.height + 2.0 * bulge <= old.height => {}
-                        Some((_, old)) if !old.on_patch && !hit.on_patch && hit.height <= old.height => {}
-                        _ => *seen = Some((triangle as u32, hit)),
-                    }
-                }
-            }
-        };
-        // What faces the laser comes first: most of it hides what faces away.
-        let mut away = Vec::new();
-        for triangle in 0..self.mesh.triangles.len() {
-            if self.turn(triangle) > 0.0 { meet(triangle) } else { away.push(triangle as u32) }
-        }
-        away.into_iter().for_each(|triangle| meet(triangle as usize));
+        let (mut doubled, of_high) =
+            join(self.fork, || meet_all(0..rows, low), || meet_all(rows..grid.rows, high));
+        doubled.extend(of_high);
         doubled.sort_by_key(|&(node, _)| node);
         doubled.dedup_by_key(|&mut (node, _)| node);
         (hits, doubled)
+    }
+
+    /// The nodes that the patch of a triangle may cover; `None` if there are none.
+    fn covered(&self, grid: &Grid, triangle: usize) -> Option<Covered> {
+        let points = self.mesh.corners(triangle).0;
+        let extents = Extents::of(points.map(|point| point.coords.xy()));
+        let diagonal = extents.size().norm();
+        let nodes_in = |extents: Extents| {
+            let columns = grid.range(extents.min.x, extents.max.x, grid.origin.x, grid.columns);
+            if columns.is_empty() {
+                return None;
+            }
+            let rows = grid.range(extents.min.y, extents.max.y, grid.origin.y, grid.rows);
+            (!rows.is_empty()).then_some((columns, rows))
+        };
+        nodes_in(extents.grown(diagonal * MOST_BULGE))?;
+        let most_bulge = self.mesh.most_bulge(triangle);
+        let (columns, rows) = nodes_in(extents.grown(most_bulge.min(diagonal * MOST_BULGE)))?;
+        let outline = Outline::of(points, most_bulge + BESIDE * diagonal);
+        let is_near = |column: usize, row: usize| outline.is_near(grid.position(column, row).coords());
+        let is_any = rows.clone().any(|row| columns.clone().any(|column| is_near(column, row)));
+        let [columns, rows] = [columns, rows].map(|range| range.start as u32..range.end as u32);
+        let (is_facing, triangle) = (self.turn(triangle) > 0.0, triangle as u32);
+        is_any.then_some(Covered { triangle, is_facing, columns, rows })
+    }
+
+    /// Meets the nodes that a triangle covers.
+    fn meet(&self, covered: &Covered, seen: &mut SeenNodes) {
+        let whole = |range: &Range<u32>| range.start as usize..range.end as usize;
+        let (triangle, columns, rows) =
+            (covered.triangle as usize, whole(&covered.columns), whole(&covered.rows));
+        let rows = rows.start.max(seen.rows.start)..rows.end.min(seen.rows.end);
+        if rows.is_empty() {
+            return;
+        }
+        let is_hidden = |seen: &Option<(u32, Hit)>, top: f64| {
+            seen.is_some_and(|(_, old)| old.on_patch && top + SKINS[0] < old.height)
+        };
+        let points = self.mesh.corners(triangle).0;
+        let sides = [points[1] - points[0], points[2] - points[1], points[0] - points[2]];
+        let longest = sides.iter().map(Vector3::norm_squared).fold(0.0, f64::max).sqrt();
+        let highest = points.iter().map(|point| point.z).fold(f64::NEG_INFINITY, f64::max);
+        let is_surely_hidden = |seen: &Option<(u32, Hit)>| is_hidden(seen, highest + longest * HIGHEST_BULGE);
+        if rows.clone().all(|row| seen.line(row)[columns.clone()].iter().all(is_surely_hidden)) {
+            return;
+        }
+        let patch = self.mesh.patch(triangle);
+        let bulge = patch.largest_bulge();
+        let Some(patch) = patch.seen() else { return };
+        let near = Extents::of(points.map(|point| point.coords.xy())).grown(bulge);
+        let grid = seen.grid;
+        for row in rows {
+            for column in columns.clone() {
+                let at = grid.position(column, row).coords();
+                let known = &mut seen.line(row)[column];
+                if !near.contains(at) || is_hidden(known, highest + bulge) {
+                    continue;
+                }
+                let Some(hit) = patch.hit(at) else { continue };
+                let old = *known;
+                // A flat facet under a neighbour's bulge must not hide the true surface.
+                let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
+                match known {
+                    Some((_, old)) if old.on_patch && hit.height <= old.height + lead => {}
+                    Some((_, old)) if !old.on_patch && hit.height + 2.0 * bulge <= old.height => {}
+                    Some((_, old)) if !old.on_patch && !hit.on_patch && hit.height <= old.height => {}
+                    _ => *known = Some((covered.triangle, hit)),
+                }
+                if let Some((other, old)) = old {
+                    let gap = (hit.height - old.height).abs();
+                    if gap < SKINS[0] && gap > SKINS[1] && self.are_skins(triangle, other as usize) {
+                        seen.doubled.push((row * grid.columns + column, gap));
+                    }
+                }
+            }
+        }
     }
 
     /// [`turn_in_view`] of a triangle.
@@ -374,19 +435,15 @@ impl FacingPart {
         if self.mesh.slope_doubts.is_empty() {
             return Vec::new();
         }
-        let of_triangle = |triangle: usize| {
-            let slope = self.mesh.slope_doubts[triangle];
+        let mut is_hit = vec![false; self.mesh.triangles.len()];
+        hits.iter().flatten().for_each(|(triangle, _)| is_hit[*triangle as usize] = true);
+        let of_triangles = mapped(self.fork, is_hit.len(), |triangle| {
+            let slope = if is_hit[triangle] { self.mesh.slope_doubts[triangle] } else { 0.0 };
             let reach = if slope > 0.0 { self.mesh.reach_of_turn(triangle) } else { 0.0 };
             Uncertainty::over(slope, reach as f32)
-        };
-        // Nodes beside each other are mostly on one triangle.
-        let mut last = (NONE, Uncertainty::NONE);
+        });
         let of_hit = |hit: &Option<(u32, Hit)>| {
-            let Some((triangle, _)) = *hit else { return Uncertainty::NONE };
-            if last.0 != triangle {
-                last = (triangle, of_triangle(triangle as usize));
-            }
-            last.1
+            hit.map_or(Uncertainty::NONE, |(triangle, _)| of_triangles[triangle as usize])
         };
         hits.iter().map(of_hit).collect()
     }
@@ -600,48 +657,55 @@ impl HeightField {
 }
 
 /// For every node, the face that is hit there, and where it is hit; and the nodes with a second skin.
-fn exact_hits(solid: &SeenSolid, grid: &Grid) -> (NodeHits, SecondSkins) {
+fn exact_hits(solid: &SeenSolid, grid: &Grid, fork: &dyn Fork) -> (NodeHits, SecondSkins) {
     let ranges = |face: usize| {
         let [low, high] = solid.faces()[face].bounds();
         [(0, grid.columns), (1, grid.rows)]
             .map(|(axis, count)| grid.range(low[axis], high[axis], grid.origin[axis], count))
     };
     let faces: Vec<_> = solid.from_top().into_iter().map(|face| (face, ranges(face))).collect();
-    let mut found: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.columns];
-    let (mut hits, mut doubled) = (Vec::with_capacity(grid.count()), Vec::new());
-    for row in 0..grid.rows {
-        found.iter_mut().for_each(Vec::clear);
-        for (face, [in_columns, in_rows]) in &faces {
-            if in_rows.contains(&row) {
-                let mut start = Start::default();
-                for column in in_columns.clone() {
-                    let at = grid.position(column, row).coords();
-                    solid.faces()[*face].hits(*face as u32, at, &mut start, &mut found[column]);
+    // What is seen at each node, and the distance of a second skin behind it.
+    let seen = in_pieces(fork, 0..grid.rows, LEAST_ROWS, &|rows| {
+        let mut found: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.columns];
+        let mut seen = Vec::with_capacity(rows.len() * grid.columns);
+        for row in rows {
+            found.iter_mut().for_each(Vec::clear);
+            for (face, [in_columns, in_rows]) in &faces {
+                if in_rows.contains(&row) {
+                    let mut start = Start::default();
+                    for column in in_columns.clone() {
+                        let at = grid.position(column, row).coords();
+                        solid.faces()[*face].hits(*face as u32, at, &mut start, &mut found[column]);
+                    }
                 }
             }
+            seen.extend(found.iter().map(|found| exact_hit(found)));
         }
-        for (column, found) in found.iter().enumerate() {
-            let Some(first) = first_of(found) else {
-                hits.push(None);
-                continue;
-            };
-            let is_skin = |hit: &&FaceHit| {
-                hit.is_inside
-                    && first.is_inside
-                    && hit.face != first.face
-                    && hit.normal.z > 0.0
-                    && first.normal.z > 0.0
-            };
-            let gaps = found.iter().filter(is_skin).map(|hit| first.height - hit.height);
-            if let Some(gap) = gaps.filter(|gap| *gap < SKINS[0] && *gap > SKINS[1]).reduce(f64::min) {
-                doubled.push((row * grid.columns + column, gap));
-            }
-            // A normal along the view, of a wall, gives an infinite slope, whichever way it points.
-            let gradient = -first.normal.xy() / first.normal.z;
-            hits.push(Some((first.face, Hit { height: first.height, gradient, on_patch: true })));
-        }
+        seen
+    });
+    let (mut hits, mut doubled) = (Vec::with_capacity(seen.len()), Vec::new());
+    for (node, (hit, gap)) in seen.into_iter().enumerate() {
+        hits.push(hit);
+        doubled.extend(gap.map(|gap| (node, gap)));
     }
     (hits, doubled)
+}
+
+/// Of the faces that are hit at a node, the first one, with the distance of a second skin behind it, mm.
+fn exact_hit(found: &[FaceHit]) -> (Option<(u32, Hit)>, Option<f64>) {
+    let Some(first) = first_of(found) else { return (None, None) };
+    let is_skin = |hit: &&FaceHit| {
+        hit.is_inside
+            && first.is_inside
+            && hit.face != first.face
+            && hit.normal.z > 0.0
+            && first.normal.z > 0.0
+    };
+    let gaps = found.iter().filter(is_skin).map(|hit| first.height - hit.height);
+    let gap = gaps.filter(|gap| *gap < SKINS[0] && *gap > SKINS[1]).reduce(f64::min);
+    // A normal along the view, of a wall, gives an infinite slope, whichever way it points.
+    let gradient = -first.normal.xy() / first.normal.z;
+    (Some((first.face, Hit { height: first.height, gradient, on_patch: true })), gap)
 }
 
 /// Visits every pair of nodes that are neighbours along x or y, with the step from the first to the second, mm.
@@ -665,7 +729,7 @@ mod tests {
     use crate::geometry::space::Facing;
     use nalgebra::Point3;
 
-    impl FacingPart {
+    impl FacingPart<'_> {
         fn sampled(&self, step: f64) -> HeightField {
             self.sample(&Grid::over(&self.extents, step)).field
         }

@@ -4,10 +4,13 @@ use nalgebra::{Vector2, Vector3};
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
+use crate::geometry::fork::{Fork, InTurn, found, join};
 use crate::geometry::height_field::{
     FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Uncertainty,
 };
-use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
+use crate::geometry::normal_equations::{
+    CellRow, CellSum, EquationRows, GridSolver, NormalEquations, SolveError,
+};
 use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::ViewPoint;
 
@@ -185,6 +188,7 @@ struct Data<'a> {
     field: &'a HeightField,
     /// For each node, whether it is used.
     used: Vec<bool>,
+    fork: &'a dyn Fork,
 }
 
 impl FittedSurface {
@@ -209,9 +213,9 @@ impl FittedSurface {
         if let Some(skins) = samples.skins.filter(|skins| skins.share >= SKINS) {
             return Err(FitError::TwoSkins(skins));
         }
-        let (mut nurbs, mut residual) = Data::solved(&samples, |data| data.fit())?;
+        let (mut nurbs, mut residual) = Data::solved(&samples, part.fork(), |data| data.fit())?;
         let is_fine = |step: f64| part.spacing() <= RESOLVED * step;
-        while (residual > options.tolerance || samples.bends_between() > options.tolerance)
+        while (residual > options.tolerance || samples.bends_between(part.fork()) > options.tolerance)
             && spans < options.most_spans
         {
             // The last doubling takes as long as all before it, and helps only parts with finer detail.
@@ -222,7 +226,7 @@ impl FittedSurface {
             samples = part.sample(&samples.field.grid().halved());
             let halved = nurbs.halved();
             let (finer, left) =
-                Data::solved(&samples, |data| data.correct(halved.clone(), options.tolerance))?;
+                Data::solved(&samples, part.fork(), |data| data.correct(halved.clone(), options.tolerance))?;
             nurbs = finer;
             let before = std::mem::replace(&mut residual, left);
             // Facets do not get smoother. Detail that is finer than the samples shows only after they resolve it.
@@ -232,18 +236,23 @@ impl FittedSurface {
         }
         Ok(Self::compare(nurbs, samples.field)
             .doubted(samples.doubts, samples.uncertainties)
-            .doubted_between_samples(&samples.slopes, &samples.is_at_edge))
+            .doubted_between_samples(&samples.slopes, &samples.is_at_edge, part.fork()))
     }
 
     /// The surface with a doubt about its slope where the samples round a jump of the slope or of the curvature, as beside a
     /// fillet: there the slope between them differs from that of the part at the nodes.
-    fn doubted_between_samples(mut self, slopes: &[Vector2<f64>], is_at_edge: &[bool]) -> Self {
+    fn doubted_between_samples(
+        mut self,
+        slopes: &[Vector2<f64>],
+        is_at_edge: &[bool],
+        fork: &dyn Fork,
+    ) -> Self {
         let (columns, rows) = self.field.size();
         let step = self.field.step();
         let is_surface = |node: usize| matches!(self.field.nodes()[node], Node::Surface(_));
-        let off = |(column, row, _): (usize, usize, f64)| {
-            let node = row * columns + column;
-            if column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
+        let off = |node: usize| {
+            let (column, row) = (node % columns, node / columns);
+            if !is_surface(node) || column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
                 return None;
             }
             let beside = [node - 1, node + 1, node - columns, node + columns];
@@ -253,7 +262,7 @@ impl FittedSurface {
             let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
             Some((node, tangent(sampled, *known), known.norm_squared()))
         };
-        let found: Vec<(usize, f64, f64)> = self.field.surface_nodes().filter_map(off).collect();
+        let found: Vec<(usize, f64, f64)> = found(fork, columns * rows, off);
         let is_notable =
             |&(_, off, steep): &(usize, f64, f64)| off > NEGLIGIBLE_SLOPE * (1.0 + steep).powi(3);
         if !found.iter().any(is_notable) {
@@ -285,7 +294,7 @@ impl FittedSurface {
     /// When the field has fewer than 64 nodes on the surface, or when the equations cannot be solved.
     pub fn of_field(field: HeightField) -> Result<Self, FitError> {
         let is_wall: Vec<bool> = field.nodes().iter().map(|node| matches!(node, Node::Wall(_))).collect();
-        let nurbs = Data::beside(&field, &is_wall, CLIFF_REACH)?.fit()?;
+        let nurbs = Data::beside(&field, &is_wall, CLIFF_REACH, &InTurn)?.fit()?;
         Ok(Self::compare(nurbs, field))
     }
 
@@ -428,18 +437,24 @@ impl PartSamples {
     /// How far the part may be from what its samples show between them, mm: the distance that 95 % of the nodes stay below at
     /// which the slope of the part is not that of the heights round them. Detail that is as fine as the samples shows in
     /// nothing else: heights that are taken once in each rib are even.
-    fn bends_between(&self) -> f64 {
-        let step = self.field.step();
-        let off = |(column, row, _)| self.slope_off(column, row).map(|off| off * step / 4.0);
-        p95(self.field.surface_nodes().filter_map(off).collect())
+    fn bends_between(&self, fork: &dyn Fork) -> f64 {
+        let (step, nodes) = (self.field.step(), self.field.nodes());
+        p95(found(fork, nodes.len(), |node| Some(self.slope_off(node)? * step / 4.0)))
     }
 
     /// By how much the slope of the part at a node differs from that of the heights round it, rad; `None` at the end of the
     /// surface and at edges of the part.
-    fn slope_off(&self, column: usize, row: usize) -> Option<f64> {
+    fn slope_off(&self, node: usize) -> Option<f64> {
         let (columns, rows) = self.field.size();
-        let node = row * columns + column;
-        if column == 0 || row == 0 || column + 1 == columns || row + 1 == rows || self.is_at_edge[node] {
+        let (column, row) = (node % columns, node / columns);
+        let is_surface = matches!(self.field.nodes()[node], Node::Surface(_));
+        if !is_surface
+            || column == 0
+            || row == 0
+            || column + 1 == columns
+            || row + 1 == rows
+            || self.is_at_edge[node]
+        {
             return None;
         }
         let height = |node: usize| match self.field.nodes()[node] {
@@ -457,12 +472,13 @@ impl<'a> Data<'a> {
     /// surface, of all nodes.
     fn solved(
         samples: &'a PartSamples,
+        fork: &'a dyn Fork,
         solve: impl Fn(&Self) -> Result<NurbsSurface, FitError>,
     ) -> Result<(NurbsSurface, f64), FitError> {
-        let data = Self::beside(&samples.field, &samples.is_at_edge, EDGE_REACH)?;
+        let data = Self::beside(&samples.field, &samples.is_at_edge, EDGE_REACH, fork)?;
         let (data, nurbs) = match solve(&data) {
             Err(FitError::Solve(_)) if data.used.iter().any(|used| !used) => {
-                let all = Self::new(&samples.field, |_| true)?;
+                let all = Self::new(&samples.field, |_| true, fork)?;
                 let nurbs = solve(&all)?;
                 (all, nurbs)
             }
@@ -473,24 +489,33 @@ impl<'a> Data<'a> {
     }
 
     /// All nodes except those within `reach` steps of the `broken` nodes, through which no smooth surface passes.
-    fn beside(field: &'a HeightField, broken: &[bool], reach: usize) -> Result<Self, FitError> {
+    fn beside(
+        field: &'a HeightField,
+        broken: &[bool],
+        reach: usize,
+        fork: &'a dyn Fork,
+    ) -> Result<Self, FitError> {
         let near = grown(broken, field.size().0, reach);
-        let data = Self::new(field, |node| !near[node])?;
+        let data = Self::new(field, |node| !near[node], fork)?;
         if data.used.iter().filter(|used| **used).count() < MIN_NODES {
             // A part with edges everywhere is fitted with all its nodes; the residual shows the quality.
-            return Self::new(field, |_| true);
+            return Self::new(field, |_| true, fork);
         }
         Ok(data)
     }
 
-    fn new(field: &'a HeightField, is_used: impl Fn(usize) -> bool) -> Result<Self, FitError> {
+    fn new(
+        field: &'a HeightField,
+        is_used: impl Fn(usize) -> bool,
+        fork: &'a dyn Fork,
+    ) -> Result<Self, FitError> {
         let is_surface = |node: &Node| matches!(node, Node::Surface(_));
         let nodes = field.nodes().iter().filter(|node| is_surface(node)).count();
         if nodes < MIN_NODES {
             return Err(FitError::NoSurface { nodes, all: field.nodes().len(), limit: STEEPEST_SURFACE });
         }
         let used = field.nodes().iter().enumerate().map(|(index, node)| is_surface(node) && is_used(index));
-        Ok(Self { field, used: used.collect() })
+        Ok(Self { field, used: used.collect(), fork })
     }
 
     /// The used nodes: column, row, and how far the part is above a surface there, mm.
@@ -551,7 +576,7 @@ impl<'a> Data<'a> {
     fn move_towards(
         &self,
         nurbs: NurbsSurface,
-        is_free: impl Fn(usize) -> bool,
+        is_free: impl Fn(usize) -> bool + Sync,
     ) -> Result<NurbsSurface, FitError> {
         let field = self.field;
         let (knots_x, knots_y) = nurbs.knots();
@@ -564,31 +589,41 @@ impl<'a> Data<'a> {
         };
         let fitted = heights_at_nodes(&nurbs, field);
         let mut equations = NormalEquations::<1>::new(width, knots_y.control_points());
-        for (in_rows, row_span) in spans_of(&basis_y) {
-            for (in_columns, column_span) in spans_of(&basis_x) {
-                if !has_free_points(column_span, row_span) {
+        let spans_x = spans_of(&basis_x);
+        let fill = |equations: &mut EquationRows<1>| {
+            for (in_rows, row_span) in spans_of(&basis_y) {
+                if !equations.touch(row_span) {
                     continue;
                 }
-                let mut sum = CellSum::default();
-                for row in in_rows.clone() {
-                    for column in in_columns.clone() {
-                        let node = row * columns + column;
-                        if let Node::Surface(height) = field.nodes()[node]
-                            && self.used[node]
-                        {
-                            let (x, y) = (&basis_x[column].value, &basis_y[row].value);
-                            let shares: CellRow<1> =
-                                std::array::from_fn(|local| [x[local % 4] * y[local / 4]]);
-                            sum.add(&shares, height - fitted[node], 1.0);
+                for &(ref in_columns, column_span) in &spans_x {
+                    if !has_free_points(column_span, row_span) {
+                        continue;
+                    }
+                    let mut sum = CellSum::default();
+                    for row in in_rows.clone() {
+                        for column in in_columns.clone() {
+                            let node = row * columns + column;
+                            if let Node::Surface(height) = field.nodes()[node]
+                                && self.used[node]
+                            {
+                                let (x, y) = (&basis_x[column].value, &basis_y[row].value);
+                                let shares: CellRow<1> =
+                                    std::array::from_fn(|local| [x[local % 4] * y[local / 4]]);
+                                sum.add(&shares, height - fitted[node], 1.0);
+                            }
                         }
                     }
+                    equations.add_cell(column_span, row_span, &sum);
                 }
-                equations.add_cell(column_span, row_span, &sum);
             }
-        }
+        };
+        let (solver, ()) = join(
+            self.fork,
+            || GridSolver::for_some(width, knots_y.control_points(), &is_free),
+            || equations.fill(self.fork, &fill),
+        );
         equations.add_third_difference_penalty(SMOOTHNESS);
-        let solver = GridSolver::for_some(width, knots_y.control_points(), is_free)?;
-        let steps = equations.solve(&solver)?;
+        let steps = equations.solve(&solver?.with_fork(self.fork))?;
         Ok(nurbs.moved(steps.into_iter().map(|[step]| step)))
     }
 }

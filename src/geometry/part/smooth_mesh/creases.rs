@@ -10,6 +10,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal};
+use crate::geometry::fork::{Fork, mapped};
 
 /// A step stands out where it turns by so many times what the steps beside it explain, and by [`LEAST`] more.
 const STANDS_OUT: f64 = 4.0;
@@ -57,6 +58,7 @@ pub(super) struct Steps<'a> {
 }
 
 /// What the section through a step shows.
+#[derive(Clone)]
 struct Measured {
     /// The angle between the facets, rad.
     turn: f64,
@@ -103,11 +105,11 @@ impl Measured {
 
 impl Steps<'_> {
     /// Those of the steps that are edges of the part, in rising order.
-    pub(super) fn creases(&self) -> Vec<Facing> {
+    pub(super) fn creases(&self, fork: &dyn Fork) -> Vec<Facing> {
         if self.steps.is_empty() {
             return Vec::new();
         }
-        let measured: Vec<Option<Measured>> = self.steps.iter().map(|&step| self.measure(step)).collect();
+        let measured = mapped(fork, self.steps.len(), |number| self.measure(self.steps[number]));
         let ends = self.by_place(self.steps);
         let mut is_crease = self.chains(&measured, &ends);
         let found = self.steps.iter().zip(&is_crease).filter(|(_, is_crease)| **is_crease);

@@ -15,6 +15,7 @@ use super::plane_facets::PlaneFacets;
 use super::round::{Plane, Round};
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, facet_normal, sliver_side, width};
+use crate::geometry::fork::{Fork, found, look_ahead};
 use crate::geometry::shape_fit::cross_directions;
 
 /// Vertices at this many angles round the axis show a circle: three define it, and two confirm it.
@@ -100,6 +101,7 @@ pub(super) fn settle(
     written: &[Point3<f64>],
     estimated: &mut Vec<bool>,
     deviations: &mut Vec<f64>,
+    fork: &dyn Fork,
 ) -> Rounds {
     let count = mesh.triangles.len();
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
@@ -107,11 +109,11 @@ pub(super) fn settle(
     }
     let near = precision(mesh);
     let mut is_known = vec![false; count];
-    let mut groups = certain_groups(mesh, estimated, near, &mut is_known);
+    let mut groups = certain_groups(mesh, estimated, near, &mut is_known, fork);
     // What rounding hides is looked for last: it asks for facets that leave the part farther.
     let rounding = rounding(written);
     if rounding > near {
-        groups.extend(certain_groups(mesh, estimated, rounding, &mut is_known));
+        groups.extend(certain_groups(mesh, estimated, rounding, &mut is_known, fork));
     }
     if groups.is_empty() {
         return Rounds::default();
@@ -169,41 +171,48 @@ fn certain_groups(
     estimated: &[bool],
     near: f64,
     is_known: &mut [bool],
+    fork: &dyn Fork,
 ) -> Vec<(Group, Vec<u32>, bool)> {
-    let is_open = |triangle: &usize| {
-        !is_known[*triangle] && mesh.triangles[*triangle].iter().any(|&vertex| estimated[vertex as usize])
+    let is_open = |triangle: usize| {
+        !is_known[triangle] && mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize])
     };
-    let bulges = (0..mesh.triangles.len()).filter(is_open).map(|triangle| (triangle, mesh.bulge(triangle)));
-    let mut seeds: Vec<(usize, f64)> =
-        bulges.filter(|&(triangle, bulge)| bulge >= ESTIMATED * mesh.least_bulge(triangle, near)).collect();
+    let mut seeds: Vec<(usize, f64)> = found(fork, mesh.triangles.len(), |triangle| {
+        let bulge = if is_open(triangle) { mesh.bulge(triangle) } else { return None };
+        (bulge >= ESTIMATED * mesh.least_bulge(triangle, near)).then_some((triangle, bulge))
+    });
     if seeds.is_empty() {
         return Vec::new();
     }
     // Facets that leave a cylinder less far belong to the group of those that leave it farther, as the narrow ones round a hole.
     seeds.sort_by(|(_, one), (_, other)| other.total_cmp(one));
-    let surroundings = Surroundings::of(mesh, near);
+    let seeds: Vec<usize> = seeds.into_iter().map(|(triangle, _)| triangle).collect();
+    let surroundings = Surroundings::of(mesh, near, fork);
     let is_on_chord = surroundings.facets.only_one(mesh);
     let visits = MOST_VISITS * mesh.triangles.len();
     let (vain_cones, is_coneless) = (MOST_VAIN_CONES, vec![false; mesh.triangles.len()]);
     let facets = &surroundings.facets;
-    let mut search = Search { mesh, facets, near, is_on_chord, visits, vain_cones, is_coneless };
-    let mut seen = Seen::of(mesh, is_known);
+    let search = Search { mesh, facets, near, is_on_chord, visits, vain_cones, is_coneless };
     let (mut groups, mut around) = (Vec::new(), None);
-    for (triangle, _) in seeds {
-        if seen.is_tried[triangle] {
-            continue;
-        }
-        if search.visits == 0 {
-            break;
-        }
-        let Some(group) = search.group_at(triangle, &mut seen) else { continue };
-        let on_mesh = OnMesh { mesh, group: &group };
-        if search.turns_enough(&group) && surroundings.confirm(&on_mesh, &mut around) {
-            group.triangles.iter().for_each(|&triangle| seen.is_known[triangle] = true);
-            let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
-            groups.push((group, at_edges, is_hollow));
-        }
-    }
+    look_ahead(
+        fork,
+        &seeds,
+        &mut (search, Seen::of(mesh, is_known)),
+        |(_, seen), triangle| !seen.is_tried[triangle],
+        |(search, _), triangle| search.shown_at(triangle),
+        |(search, seen), triangle, shown| {
+            if search.visits == 0 {
+                return false;
+            }
+            let Some(group) = search.group_at(triangle, shown, seen) else { return true };
+            let on_mesh = OnMesh { mesh, group: &group };
+            if search.turns_enough(&group) && surroundings.confirm(&on_mesh, &mut around) {
+                group.triangles.iter().for_each(|&triangle| seen.is_known[triangle] = true);
+                let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
+                groups.push((group, at_edges, is_hollow));
+            }
+            true
+        },
+    );
     groups
 }
 
@@ -331,12 +340,28 @@ struct Search<'a> {
     is_coneless: Vec<bool>,
 }
 
+/// A strip across a side of a triangle and the cylinder that it shows.
+struct Shown {
+    strip: Vec<usize>,
+    cylinder: Option<Round>,
+}
+
 impl Search<'_> {
-    /// The facets on the cylinder of a triangle, if the strip across one of its sides shows one.
-    fn group_at(&mut self, triangle: usize, seen: &mut Seen<'_>) -> Option<Group> {
+    /// What the strips across the sides of a triangle show.
+    fn shown_at(&self, triangle: usize) -> Vec<Shown> {
         let tries = REACHES.into_iter().flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
-        tries.into_iter().find_map(|(reach, side)| {
-            let mut group = self.start_at(triangle, side, reach)?;
+        let shown = |(reach, side)| {
+            let strip = self.strip(triangle, side, reach);
+            let points = || self.some_points(&strip, None);
+            Shown { cylinder: Round::cylinder(&self.planes(&strip), points, self.near), strip }
+        };
+        tries.map(shown).collect()
+    }
+
+    /// The facets on the cylinder of a triangle, if one of the strips round it shows one.
+    fn group_at(&mut self, triangle: usize, shown: Vec<Shown>, seen: &mut Seen<'_>) -> Option<Group> {
+        shown.into_iter().find_map(|shown| {
+            let mut group = self.start_at(triangle, &shown)?;
             for _ in 0..ROUNDS {
                 let mut triangles = self.grown(&group, triangle, seen);
                 triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
@@ -355,12 +380,11 @@ impl Search<'_> {
         })
     }
 
-    /// The cylinder or cone that a strip across a side of a triangle shows, without facets.
-    fn start_at(&mut self, triangle: usize, side: usize, reach: usize) -> Option<Group> {
-        let strip = self.strip(triangle, side, reach);
-        let round = self.round_of(&strip)?;
+    /// The cylinder or cone that a strip of a triangle shows, without facets.
+    fn start_at(&mut self, triangle: usize, shown: &Shown) -> Option<Group> {
+        let round = self.round_of(shown)?;
         let mut bulges: Vec<f64> =
-            strip.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle)).collect();
+            shown.strip.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle)).collect();
         bulges.sort_by(f64::total_cmp);
         let usual = bulges[bulges.len() / 2];
         (usual >= self.mesh.least_bulge(triangle, self.near)).then(|| Group {
@@ -396,21 +420,23 @@ impl Search<'_> {
         strip
     }
 
-    /// The cylinder or cone on which the vertices of all these triangles are.
-    fn round_of(&mut self, strip: &[usize]) -> Option<Round> {
+    fn planes(&self, strip: &[usize]) -> Vec<Plane> {
         let plane = |&triangle: &usize| {
             let corners = self.mesh.corners(triangle).0;
             Plane { normal: facet_normal(corners), at: corners[0] }
         };
-        let planes: Vec<Plane> = strip.iter().map(plane).collect();
-        let cylinder = Round::cylinder(&planes, || self.some_points(strip, None), self.near);
+        strip.iter().map(plane).collect()
+    }
+
+    /// The cylinder on which the vertices of all triangles of a strip are, or the cone.
+    fn round_of(&mut self, Shown { strip, cylinder }: &Shown) -> Option<Round> {
         if cylinder.is_some()
             || self.vain_cones == 0
             || strip.iter().any(|&triangle| self.is_coneless[triangle])
         {
-            return cylinder;
+            return *cylinder;
         }
-        let start = Round::start_of_cone(&planes)?;
+        let start = Round::start_of_cone(&self.planes(strip))?;
         let cone = Round::cone(start, &self.some_points(strip, None), self.near);
         if cone.is_some_and(|cone| self.ends_as_cone(strip, &cone)) {
             return cone;

@@ -8,6 +8,7 @@ use nalgebra::{Point3, Vector3};
 use super::SmoothMesh;
 use super::plane_facets::PlaneFacets;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side, width};
+use crate::geometry::fork::Fork;
 
 /// Vertices on a surface are this close to it, mm, or …
 const ON: f64 = 1e-4;
@@ -146,8 +147,8 @@ pub(super) struct Surroundings<'a> {
 
 impl<'a> Surroundings<'a> {
     /// Vertices may be off by `near`, mm.
-    pub(super) fn of(mesh: &'a SmoothMesh, near: f64) -> Self {
-        Self { mesh, facets: PlaneFacets::of(mesh, near), near }
+    pub(super) fn of(mesh: &'a SmoothMesh, near: f64, fork: &dyn Fork) -> Self {
+        Self { mesh, facets: PlaneFacets::of(mesh, near, fork), near }
     }
 
     /// Whether nothing beyond the ends of a surface contradicts it. The neighbours of the mesh's vertices are found for the first

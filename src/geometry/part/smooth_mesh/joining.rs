@@ -17,6 +17,7 @@ use crate::geometry::adjacency::{
 };
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::flats;
+use crate::geometry::fork::{Fork, InTurn, found, mapped};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, NEGLIGIBLE_RISE, refined_normal};
 use crate::geometry::space::View;
@@ -35,6 +36,26 @@ const LEAST_ALONG: f64 = 0.5;
 const LEAST_ALONE: f64 = 0.01;
 /// An edge that leaves its side by less than this, mm, is straight.
 const LEAST_BEND: f64 = 1e-5;
+
+/// Triangles whose sides are looked at at once: what is found of them needs little memory.
+const BLOCK: usize = 1 << 16;
+
+/// How two facets meet at a side.
+#[derive(Clone, Copy, Default)]
+enum Meeting {
+    /// There are no two, or the other side has the answer.
+    #[default]
+    None,
+    Smooth,
+    /// Smooth by normals of the file that round an edge of the facets.
+    Rounded,
+    /// Smooth unless the steps beside it show an edge.
+    Step,
+    /// At an edge that normals of the file show.
+    Edge,
+    /// At an edge that the facets show.
+    Sharp,
+}
 
 /// The mesh without the triangles that are in it once more; `None` if there are no copies.
 fn without_copies(mesh: &TriMesh) -> Option<TriMesh> {
@@ -78,6 +99,11 @@ impl SmoothMesh {
     /// beyond their ends (`cylinders`, `strips`, `plane_curve`); those of balls follow from all their vertices (`spheres`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
+        Self::with_fork(mesh, view, &InTurn)
+    }
+
+    /// [`SmoothMesh::new`], of which `fork` may do halves at once.
+    pub fn with_fork(mesh: &TriMesh, view: &View, fork: &dyn Fork) -> Self {
         if mesh.is_facetted() {
             return Self::of_facets(mesh, view);
         }
@@ -114,13 +140,12 @@ impl SmoothMesh {
             let facing = if wound_alike { [facing[1], facing[0]] } else { facing };
             ([(ends[0], facing[0]), (ends[1], facing[1])], wound_alike)
         };
-        // The facet whose sides are looked at.
-        let mut known = (usize::MAX, Vector3::zeros());
-        for side in 0..opposite.len() {
+        // `facet_here` is the normal of its facet, if that is known.
+        let meeting = |side: usize, facet_here: &mut Option<Vector3<f64>>| {
             let other = opposite[side] as usize;
             // Each pair once; NONE is larger than any side.
             if opposite[side] == NONE || other < side {
-                continue;
+                return Meeting::None;
             }
             let (here, there) = (side / 3, other / 3);
             let (pairs, wound_alike) = facing_corners(side, other);
@@ -130,15 +155,10 @@ impl SmoothMesh {
             let have_normals = pairs.iter().all(is_given);
             let agree = || pairs.iter().all(|&(a, b)| normal(a).dot(&normal(b)) >= same_normal);
             let mut meet = || {
-                if known.0 != here {
-                    known = (here, facet(here));
-                }
-                let cosine = known.1.dot(&facet(there));
+                let cosine = facet_here.get_or_insert_with(|| facet(here)).dot(&facet(there));
                 if wound_alike { cosine } else { -cosine }
             };
-            let is_smooth = if have_normals && !only_shades {
-                agree()
-            } else {
+            if !have_normals || only_shades {
                 let cosine = meet();
                 let is_round = have_normals && {
                     let [one, next] = [width(points(here), side % 3), width(points(there), other % 3)];
@@ -147,32 +167,48 @@ impl SmoothMesh {
                 let angle = if is_round { SHADED_CREASE_ANGLE } else { CREASE_ANGLE };
                 // Estimates over facets that run in opposite ways would cancel out.
                 let is_smooth = wound_alike && cosine >= angle.cos() && (!have_normals || agree());
-                let step = [side as u32, other as u32];
                 if !is_smooth {
-                    sharp.push(step);
-                    continue;
+                    return Meeting::Sharp;
                 }
                 if matters(cosine, || [points(here), points(there)], side % 3) {
-                    steps.push(step);
-                    continue;
+                    return Meeting::Step;
                 }
-                true
-            };
-            if is_smooth {
-                let meets_flatly = || meet_within(points(here), points(there), SHADED_CREASE_ANGLE);
-                if have_normals && !meets_flatly() && meet() < SHADED_CREASE_ANGLE.cos() {
-                    rounded.push([side as u32, other as u32]);
-                }
-                pairs.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
-                region_sets.join(here, there);
+            } else if !agree() {
+                return Meeting::Edge;
+            }
+            let meets_flatly = || meet_within(points(here), points(there), SHADED_CREASE_ANGLE);
+            if have_normals && !meets_flatly() && meet() < SHADED_CREASE_ANGLE.cos() {
+                Meeting::Rounded
             } else {
-                edges.push([side as u32, other as u32]);
+                Meeting::Smooth
+            }
+        };
+        for first in (0..places.len()).step_by(BLOCK) {
+            let meetings = mapped(fork, BLOCK.min(places.len() - first), |triangle| {
+                let mut facet_here = None;
+                [0, 1, 2].map(|side| meeting(3 * (first + triangle) + side, &mut facet_here))
+            });
+            for (side, &meeting) in (3 * first..).zip(meetings.as_flattened()) {
+                let facing = [side as u32, opposite[side]];
+                match meeting {
+                    Meeting::None => continue,
+                    Meeting::Step => steps.push(facing),
+                    Meeting::Sharp => sharp.push(facing),
+                    Meeting::Edge => edges.push(facing),
+                    Meeting::Rounded => rounded.push(facing),
+                    Meeting::Smooth => {}
+                }
+                if matches!(meeting, Meeting::Smooth | Meeting::Rounded) {
+                    let other = opposite[side] as usize;
+                    facing_corners(side, other).0.iter().for_each(|&(a, b)| vertex_sets.join(a, b));
+                    region_sets.join(side / 3, other / 3);
+                }
             }
         }
         cut(&mut opposite, &edges);
         cut(&mut opposite, &sharp);
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
-        let creases = Steps { facets, places: &places, steps: &steps, edges: &sharp }.creases();
+        let creases = Steps { facets, places: &places, steps: &steps, edges: &sharp }.creases(fork);
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
         let hidden = hidden_arcs::found(&facets, &creases);
         cut(&mut opposite, &creases);
@@ -209,15 +245,15 @@ impl SmoothMesh {
             slope_doubts: Vec::new(),
             creases: Vec::new(),
         };
-        let (mut estimated, mut deviations) = smooth.complete_normals();
-        let rounds = cylinders::settle(&mut smooth, mesh.positions(), &mut estimated, &mut deviations);
+        let (mut estimated, mut deviations) = smooth.complete_normals(fork);
+        let rounds = cylinders::settle(&mut smooth, mesh.positions(), &mut estimated, &mut deviations, fork);
         let is_round = &rounds.is_cylinder;
-        spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round);
+        spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round, fork);
         smooth.trust(is_round, &mut deviations);
-        let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden);
+        let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden, fork);
         smooth.creases = smooth.edges_between(beside, is_round);
         smooth.doubt_rounded(&rounded);
-        smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden);
+        smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         smooth.replace_slope_doubts(of_strips);
         let of_cones = rounds.doubts_of_cones(&smooth);
         smooth.replace_slope_doubts(of_cones);
@@ -263,14 +299,14 @@ impl SmoothMesh {
 
     /// The same for a mesh in which triangles may be more than once. A copied part has no side that exactly two triangles
     /// share, so every facet would be by itself.
-    pub fn of_single(mesh: &TriMesh, view: &View) -> Self {
-        let smooth = Self::new(mesh, view);
+    pub fn of_single(mesh: &TriMesh, view: &View, fork: &dyn Fork) -> Self {
+        let smooth = Self::with_fork(mesh, view, fork);
         let alone = smooth.continued.chunks_exact(3).filter(|sides| sides.iter().all(|&side| side == NONE));
         if mesh.is_facetted() || (alone.count() as f64) < LEAST_ALONE * smooth.triangles.len() as f64 {
             return smooth;
         }
         match without_copies(mesh) {
-            Some(single) => Self::new(&single, view),
+            Some(single) => Self::with_fork(&single, view, fork),
             None => smooth,
         }
     }
@@ -295,7 +331,7 @@ impl SmoothMesh {
     /// Makes the summed normals unit vectors; where there is none it is estimated. Returns for each vertex whether it is, and
     /// the standard deviation of the estimate, rad; 0 where nothing else shows than the facets round it. Without estimates there
     /// are no deviations.
-    pub(super) fn complete_normals(&mut self) -> (Vec<bool>, Vec<f64>) {
+    pub(super) fn complete_normals(&mut self, fork: &dyn Fork) -> (Vec<bool>, Vec<f64>) {
         let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
         if is_missing.contains(&true) {
             for triangle in &self.triangles {
@@ -323,18 +359,18 @@ impl SmoothMesh {
             let bent: Vec<u32> = bent.map(|vertex| vertex as u32).collect();
             spread(&mut is_near, &self.triangles, 1);
             let around = Neighbours::of_chosen(&self.triangles, &is_near);
-            let refine = |&vertex: &u32| {
+            let refine = |vertex: u32| {
                 (vertex, refined_normal(&self.positions, &self.normals, &around, vertex as usize))
             };
-            refined = bent.iter().map(refine).collect();
+            refined = found(fork, bent.len(), |index| Some(refine(bent[index])));
             for vertex in arcs::join(self, &refined, &is_missing, &around) {
                 is_open[vertex as usize] = false;
             }
         }
-        if let Some(chosen) = flats::round_bent_ones(self) {
+        if let Some(chosen) = flats::round_bent_ones(self, fork) {
             let mut is_straight = vec![false; self.normals.len()];
             if is_missing.contains(&true) {
-                for vertex in long_sides::straighten(self, &is_open, &chosen) {
+                for vertex in long_sides::straighten(self, &is_open, &chosen, fork) {
                     is_straight[vertex as usize] = true;
                 }
             }

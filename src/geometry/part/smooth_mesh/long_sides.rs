@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 use super::SmoothMesh;
 use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal};
+use crate::geometry::fork::{Fork, found};
 
 /// What a normal bends a side by is left as it is below this, mm.
 const PLAIN: f64 = 2e-3;
@@ -54,8 +55,13 @@ struct End {
 
 /// Turns the `estimated` normals at the ends of straight sides of the `chosen` triangles to a right angle with them. Returns
 /// the vertices whose side is much longer than all others there, so that it is known better than their narrow facets.
-pub(super) fn straighten(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<u32> {
-    let mut straight = ends_of_straight_sides(mesh, estimated, chosen);
+pub(super) fn straighten(
+    mesh: &mut SmoothMesh,
+    estimated: &[bool],
+    chosen: &[bool],
+    fork: &dyn Fork,
+) -> Vec<u32> {
+    let mut straight = ends_of_straight_sides(mesh, estimated, chosen, fork);
     // The longest side of a vertex comes first.
     straight.sort_by(|one, other| {
         let lengths = [other, one].map(|end| end.chord.norm_squared());
@@ -76,15 +82,20 @@ pub(super) fn straighten(mesh: &mut SmoothMesh, estimated: &[bool], chosen: &[bo
 }
 
 /// Each end of a straight side from which its vertex leans.
-fn ends_of_straight_sides(mesh: &SmoothMesh, estimated: &[bool], chosen: &[bool]) -> Vec<End> {
+fn ends_of_straight_sides(
+    mesh: &SmoothMesh,
+    estimated: &[bool],
+    chosen: &[bool],
+    fork: &dyn Fork,
+) -> Vec<End> {
     let facets =
         Facets { positions: &mesh.positions, triangles: &mesh.triangles, continued: &mesh.continued };
     let normal = |side: usize| facet_normal(facets.corners(side / 3));
-    let (mut straight, mut open) = (Vec::new(), Vec::new());
-    for side in 0..mesh.continued.len() {
+    // The ends from which the vertices lean, and for each whether the side is straight by itself.
+    let leaning = found(fork, mesh.continued.len(), |side| {
         let other = mesh.continued[side] as usize;
         if mesh.continued[side] == NONE || other < side || !chosen[side / 3] {
-            continue;
+            return None;
         }
         let corners = mesh.triangles[side / 3];
         let ends = [corners[side % 3], corners[(side % 3 + 1) % 3]];
@@ -94,7 +105,7 @@ fn ends_of_straight_sides(mesh: &SmoothMesh, estimated: &[bool], chosen: &[bool]
             estimated[vertex as usize] && mesh.normals[vertex as usize].dot(&chord).abs() > 4.0 * PLAIN
         });
         if leans == [false; 2] || normal(side).dot(&normal(other)) > COPLANAR {
-            continue;
+            return None;
         }
         let is_ruling = ends.iter().all(|&vertex| {
             let limit = CONTAINS * chord.norm();
@@ -102,15 +113,14 @@ fn ends_of_straight_sides(mesh: &SmoothMesh, estimated: &[bool], chosen: &[bool]
             find_round(mesh, vertex, side, |triangle, _| !contains(triangle)).is_none()
         });
         let ends = [End { vertex: ends[0], chord, side }, End { vertex: ends[1], chord: -chord, side }];
-        let leaning: Vec<End> =
-            ends.into_iter().zip(leans).filter_map(|(end, leans)| leans.then_some(end)).collect();
-        let bulges_alone = leaning.iter().all(|end| is_much_longer(mesh, end) && bulges_alone(mesh, end));
-        for end in leaning {
-            match is_ruling || bulges_alone || bends_from(mesh, &facets, &end) {
-                true => straight.push(end),
-                false => open.push(end),
-            }
-        }
+        let leaning = || ends.iter().zip(leans).filter(|(_, leans)| *leans).map(|(end, _)| end);
+        let bulges_alone = leaning().all(|end| is_much_longer(mesh, end) && bulges_alone(mesh, end));
+        let is_straight = |end: &End| is_ruling || bulges_alone || bends_from(mesh, &facets, end);
+        Some([0, 1].map(|index| leans[index].then(|| (ends[index], is_straight(&ends[index])))))
+    });
+    let (mut straight, mut open) = (Vec::new(), Vec::new());
+    for (end, is_straight) in leaning.into_iter().flatten().flatten() {
+        if is_straight { straight.push(end) } else { open.push(end) }
     }
     add_parallel(mesh, &mut straight, open);
     straight

@@ -1,10 +1,11 @@
 //! The plane facets of a mesh: triangles that continue each other in one plane, as where a program divides a polygon.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 use super::SmoothMesh;
 use super::disjoint_sets::DisjointSets;
 use crate::geometry::adjacency::{NONE, grouped, sliver_side};
+use crate::geometry::fork::{Fork, mapped};
 
 /// Which triangles are of one plane facet.
 pub(super) struct PlaneFacets {
@@ -18,22 +19,21 @@ pub(super) struct PlaneFacets {
 
 impl PlaneFacets {
     /// Those of a mesh whose vertices may be off by `near`, mm. The larger of two triangles defines the plane.
-    pub(super) fn of(mesh: &SmoothMesh, near: f64) -> Self {
+    pub(super) fn of(mesh: &SmoothMesh, near: f64, fork: &dyn Fork) -> Self {
         let count = mesh.triangles.len();
-        let across = |triangle: usize| {
+        let across = mapped(fork, count, |triangle| {
             let [a, b, c] = mesh.corners(triangle).0;
             (b - a).cross(&(c - a))
-        };
-        let across: Vec<Vector3<f64>> = (0..count).map(across).collect();
-        let areas: Vec<f64> = across.iter().map(|across| across.norm()).collect();
-        let mut sets = DisjointSets::new(count);
-        for here in 0..count {
+        });
+        let areas = mapped(fork, count, |triangle| across[triangle].norm());
+        // For each side of a triangle, whether the triangle beyond it, which is not larger, is in its plane.
+        let continues = mapped(fork, count, |here| {
             let (corners, normal) = (mesh.corners(here).0, across[here] / areas[here]);
-            for side in 0..3 {
+            [0, 1, 2].map(|side| {
                 let other = mesh.continued[3 * here + side];
                 let there = other as usize / 3;
                 if other == NONE || areas[here] < areas[there] {
-                    continue;
+                    return false;
                 }
                 let beyond = mesh.corners(there).0;
                 let [one, two, far] = [0, 1, 2].map(|turn| beyond[(other as usize + turn) % 3]);
@@ -41,16 +41,15 @@ impl PlaneFacets {
                 let ends = [corners[side], corners[(side + 1) % 3]];
                 let lengths = [ends[1] - ends[0], two - one].map(|side| side.norm_squared());
                 let beyond_near = (far - corners[0]).dot(&normal).abs() / near - 1.0;
-                if !(beyond_near <= 0.0
-                    || (beyond_near * areas[here]).powi(2) * lengths[1] <= areas[there].powi(2) * lengths[0])
-                {
-                    continue;
-                }
+                let is_near = beyond_near <= 0.0
+                    || (beyond_near * areas[here]).powi(2) * lengths[1] <= areas[there].powi(2) * lengths[0];
                 // A sliver has no plane of its own; it belongs to the facet along its longest side.
-                if sliver_side(beyond).is_none_or(|longest| longest == other as usize % 3) {
-                    sets.join(here, there);
-                }
-            }
+                is_near && sliver_side(beyond).is_none_or(|longest| longest == other as usize % 3)
+            })
+        });
+        let mut sets = DisjointSets::new(count);
+        for (side, _) in continues.as_flattened().iter().enumerate().filter(|(_, continues)| **continues) {
+            sets.join(side / 3, mesh.continued[side] as usize / 3);
         }
         let (of_triangle, facets) = sets.numbered();
         let (starts, mut triangles) = grouped(facets, || of_triangle.iter().copied().zip(0..));

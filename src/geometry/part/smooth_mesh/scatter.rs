@@ -7,6 +7,7 @@
 
 use super::SmoothMesh;
 use crate::geometry::adjacency::Neighbours;
+use crate::geometry::fork::{Fork, for_each};
 
 /// Below this correlation of neighbouring offsets, vertices scatter: that of independent heights, each above the mean of its
 /// neighbours', is -0.3.
@@ -26,7 +27,13 @@ impl SmoothMesh {
     /// way: half the sum of the leans times the length of the side is its height above the other end. A change of curvature makes
     /// opposite sides lean in opposite ways, so the mean over all sides leaves it out; derivatives of the fourth order are alike
     /// at neighbours, so the mean of the neighbours' heights is subtracted.
-    pub(super) fn scatter(&self, is_at_rim: &[bool], around: &Neighbours, chosen: &[bool]) -> Vec<f64> {
+    pub(super) fn scatter(
+        &self,
+        is_at_rim: &[bool],
+        around: &Neighbours,
+        chosen: &[bool],
+        fork: &dyn Fork,
+    ) -> Vec<f64> {
         let offsets = self.offsets(is_at_rim);
         let of_edge = |one: usize, other: usize| {
             let [here, there] = [offsets[one], offsets[other]];
@@ -44,24 +51,22 @@ impl SmoothMesh {
             let ring = if is_at_rim[vertex] { &[] } else { around.of_vertex(vertex) };
             ring.iter().map(|&other| other as usize).filter(|&other| !is_at_rim[other])
         };
-        let vertices = 0..self.positions.len();
-        let mut sums = vec![Sums::default(); vertices.len()];
-        for vertex in vertices.clone() {
-            for other in inner(vertex) {
-                sums[vertex] = with(sums[vertex], of_edge(vertex, other));
-            }
-        }
+        // Memory that nothing is written to costs nothing: most vertices of large meshes have no neighbours here.
+        let mut sums = vec![Sums::default(); self.positions.len()];
+        for_each(fork, &mut sums, |vertex, sums| {
+            inner(vertex).for_each(|other| *sums = with(*sums, of_edge(vertex, other)));
+        });
         // A few rings hold enough sides for a correlation.
         let ring = |vertex: usize| inner(vertex).fold(sums[vertex], |near, other| with(near, sums[other]));
         let rings = |vertex: usize| inner(vertex).fold(ring(vertex), |near, other| with(near, ring(other)));
-        let mut scatter = vec![0.0; vertices.len()];
-        for vertex in vertices.filter(|&vertex| chosen[vertex]) {
-            let count = inner(vertex).count();
+        let mut scatter = vec![0.0; self.positions.len()];
+        for_each(fork, &mut scatter, |vertex, scatter| {
+            let count = if chosen[vertex] { inner(vertex).count() } else { 0 };
             if count > 0 {
                 let mean = inner(vertex).map(|other| offsets[other]).sum::<f64>() / count as f64;
-                scatter[vertex] = (offsets[vertex] - mean) * independence(rings(vertex)).max(of_mesh);
+                *scatter = (offsets[vertex] - mean) * independence(rings(vertex)).max(of_mesh);
             }
-        }
+        });
         scatter
     }
 

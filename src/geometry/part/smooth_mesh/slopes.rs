@@ -17,6 +17,7 @@ use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
 use super::straightest::{STRAIGHT, Straightest};
 use crate::geometry::adjacency::{NONE, Neighbours, spread, width};
+use crate::geometry::fork::{Fork, found, join, mapped};
 use crate::geometry::space::Extents;
 
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
@@ -69,26 +70,33 @@ impl SmoothMesh {
         estimated: &[bool],
         deviations: &[f64],
         hidden: &[HiddenArc],
+        fork: &dyn Fork,
     ) -> Vec<f32> {
-        let bulging = |&triangle: &usize| self.faces_laser(triangle) && self.bulges(triangle);
-        let bulging: Vec<usize> = (0..self.triangles.len()).filter(bulging).collect();
+        let bulges = |triangle: usize| self.faces_laser(triangle) && self.bulges(triangle);
+        let bulging = found(fork, self.triangles.len(), |triangle| bulges(triangle).then_some(triangle));
         if bulging.is_empty() && hidden.is_empty() {
             return Vec::new();
         }
         // For each triangle which of the patches is its own, from 1 on.
         let mut patches = vec![0u32; self.triangles.len()];
         bulging.iter().zip(1..).for_each(|(&triangle, number)| patches[triangle] = number);
-        let normals: Vec<[Vector3<f64>; 3]> =
-            bulging.iter().map(|&triangle| self.patch(triangle).normals_beside()).collect();
-        let of_patch = |triangle: usize| normals.get((patches.get(triangle)?.checked_sub(1)?) as usize);
         let mut is_corner = vec![false; self.positions.len()];
         let corners = bulging.iter().flat_map(|&triangle| self.triangles[triangle]);
         corners.for_each(|vertex| is_corner[vertex as usize] = true);
-        let mut is_near = is_corner.clone();
-        spread(&mut is_near, &self.triangles, 2);
-        let around = Neighbours::of_chosen(&self.triangles, &is_near);
-        let is_at_rim = self.rim();
-        let scatter = self.scatter(&is_at_rim, &around, &is_corner);
+        let normals_beside = || {
+            let of_bulging = |index: usize| self.patch(bulging[index]).normals_beside();
+            mapped(fork, bulging.len(), of_bulging)
+        };
+        let scatter = || {
+            let mut is_near = is_corner.clone();
+            spread(&mut is_near, &self.triangles, 2);
+            let around = Neighbours::of_chosen(&self.triangles, &is_near);
+            let is_at_rim = self.rim();
+            let scatter = self.scatter(&is_at_rim, &around, &is_corner, fork);
+            (around, is_at_rim, scatter)
+        };
+        let (normals, (around, is_at_rim, scatter)) = join(fork, normals_beside, scatter);
+        let of_patch = |triangle: usize| normals.get((patches.get(triangle)?.checked_sub(1)?) as usize);
         let straightest = Straightest::of(self, &around);
         let chains = estimated.contains(&true).then(|| Chains::of(self, &straightest, &is_corner));
         let of_chords = |triangle: usize| {
@@ -128,8 +136,9 @@ impl SmoothMesh {
             let shown = 4.0 * (self.largest_bend(triangle) + off) / shortest;
             if is_sliver { doubt.min(shown) as f32 } else { doubt as f32 }
         };
+        let of_bulging = mapped(fork, bulging.len(), |index| doubt(bulging[index], &normals[index]));
         let mut doubts = vec![0.0; self.triangles.len()];
-        bulging.iter().zip(&normals).for_each(|(&triangle, own)| doubts[triangle] = doubt(triangle, own));
+        bulging.iter().zip(of_bulging).for_each(|(&triangle, doubt)| doubts[triangle] = doubt);
         for &HiddenArc { triangle, doubt, .. } in hidden {
             if self.faces_laser(triangle) {
                 doubts[triangle] = doubts[triangle].max(doubt as f32);

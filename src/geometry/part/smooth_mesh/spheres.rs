@@ -10,6 +10,7 @@ use super::SmoothMesh;
 use super::ends::{Surface, Surroundings, precision};
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
+use crate::geometry::fork::Fork;
 use crate::geometry::shape_fit::cross_directions;
 
 /// The vertices round a first one in two rows are at least so many, …
@@ -106,11 +107,12 @@ pub(super) fn settle(
     estimated: &mut Vec<bool>,
     deviations: &mut Vec<f64>,
     is_round: &[bool],
+    fork: &dyn Fork,
 ) {
     if mesh.triangles.len() > MOST_TRIANGLES || !estimated.contains(&true) {
         return;
     }
-    let found = balls(mesh, estimated, is_round);
+    let found = balls(mesh, estimated, is_round, fork);
     if found.is_empty() {
         return;
     }
@@ -141,7 +143,7 @@ pub(super) fn settle(
 /// A sphere with its triangles, its vertices at edges, and −1 if it is hollow.
 type Found = (Sphere, Vec<usize>, Vec<u32>, f64);
 
-fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool]) -> Vec<Found> {
+fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool], fork: &dyn Fork) -> Vec<Found> {
     let near = precision(mesh);
     let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
     let mut is_inside = estimated.to_vec();
@@ -188,7 +190,7 @@ fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool]) -> Vec<Found>
         };
         let way = triangles.iter().map(facing).sum::<f64>().signum();
         let ball = Ball { mesh, sphere, triangles };
-        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near));
+        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near, fork));
         let at_edges = surroundings.at_edges(&ball);
         found.push((sphere, ball.triangles, at_edges, way));
     }

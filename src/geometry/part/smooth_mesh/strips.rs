@@ -14,6 +14,7 @@ use super::hidden_arcs::HiddenArc;
 use super::plane_curve::CurveStrip;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
+use crate::geometry::fork::{Fork, InTurn, found, look_ahead};
 
 /// Sides are parallel where their ends are off by at most so many times what vertices may be off, and they lean by less than
 /// the second, rad. Facets whose normals leave a right angle with the rulings by less contain them.
@@ -43,8 +44,9 @@ pub(super) fn settle(
     deviations: &mut Vec<f64>,
     is_round: &[bool],
     hidden: &[HiddenArc],
+    fork: &dyn Fork,
 ) -> Vec<(usize, f32)> {
-    let strips = certain_strips(mesh, estimated, is_round, hidden);
+    let strips = certain_strips(mesh, estimated, is_round, hidden, fork);
     if strips.is_empty() {
         return Vec::new();
     }
@@ -96,60 +98,70 @@ fn certain_strips(
     estimated: &[bool],
     is_round: &[bool],
     hidden: &[HiddenArc],
+    fork: &dyn Fork,
 ) -> Vec<Settled> {
     let count = mesh.triangles.len();
     if count > MOST_TRIANGLES || !estimated.contains(&true) {
         return Vec::new();
     }
     let (mut surroundings, mut around) = (None, None);
-    let mut search = Search { mesh, near: precision(mesh), steps: MOST_STEPS_IN_ALL, visits: MOST_VISITS };
+    let search = Search { mesh, near: precision(mesh), steps: MOST_STEPS_IN_ALL, visits: MOST_VISITS };
     let mut curve_visits = MOST_VISITS;
     let is_estimated =
         |triangle: usize| mesh.triangles[triangle].iter().all(|&vertex| estimated[vertex as usize]);
-    let mut is_seen = vec![false; count];
-    let mut strips = Vec::new();
-    for triangle in 0..count {
+    let open = found(fork, count, |triangle| {
         let is_open = mesh.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
-        if is_seen[triangle] || is_round.get(triangle) == Some(&true) || !is_open || !mesh.bulges(triangle) {
-            continue;
-        }
-        let found = search.strip_at(triangle);
-        if search.visits == 0 || search.steps == 0 {
-            break;
-        }
-        let Some((axis, triangles)) = found else { continue };
-        triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
-        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, search.near));
-        // By itself already.
-        if surroundings.ends(&triangles).is_empty() {
-            continue;
-        }
-        let is_ruling = |side: usize| search.is_parallel(side, axis);
-        let curved = CurveStrip::of(mesh, axis, &triangles, is_ruling, search.near, &mut curve_visits);
-        if let Some(strip) = curved
-            && strip.triangles().iter().all(|&triangle| is_estimated(triangle))
-            && surroundings.confirm(&strip, &mut around)
-        {
-            strip.triangles().iter().for_each(|&triangle| is_seen[triangle] = true);
-            strips.push(Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden));
-            continue;
-        }
-        let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
-        if !surroundings.confirm(&strip, &mut around) {
-            continue;
-        }
-        // Across its rulings, the ends are confirmed.
-        let own = |arc: &HiddenArc| {
-            let triangle = strip.triangles.binary_search(&arc.triangle).ok()?;
-            (arc.edge.cross(&axis).norm() < CONTAINS).then_some(HiddenArc { triangle, ..*arc })
-        };
-        let hidden: Vec<HiddenArc> = hidden.iter().filter_map(own).collect();
-        let mut doubts = strip.alone.found_slope_doubts(&missing, &deviations, &hidden);
-        doubts.resize(strip.triangles.len(), 0.0);
-        let at_edges = surroundings.at_edges(&strip);
-        let Strip { triangles, vertices, alone, .. } = strip;
-        strips.push(Settled { triangles, vertices, normals: alone.normals, at_edges, doubts });
-    }
+        let is_round = is_round.get(triangle) == Some(&true);
+        (!is_round && is_open && mesh.bulges(triangle)).then_some(triangle)
+    });
+    let mut strips = Vec::new();
+    look_ahead(
+        fork,
+        &open,
+        &mut (search, vec![false; count]),
+        |(_, is_seen), triangle| !is_seen[triangle],
+        |(search, _), triangle| search.ruling_at(triangle),
+        |(search, is_seen), triangle, (ruling, steps)| {
+            search.steps = search.steps.saturating_sub(steps);
+            let found = ruling.map(|ruling| search.strip_at(triangle, ruling));
+            if search.visits == 0 || search.steps == 0 {
+                return false;
+            }
+            let Some((axis, triangles)) = found else { return true };
+            triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
+            let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, search.near, fork));
+            // By itself already.
+            if surroundings.ends(&triangles).is_empty() {
+                return true;
+            }
+            let is_ruling = |side: usize| search.is_parallel(side, axis);
+            let curved = CurveStrip::of(mesh, axis, &triangles, is_ruling, search.near, &mut curve_visits);
+            if let Some(strip) = curved
+                && strip.triangles().iter().all(|&triangle| is_estimated(triangle))
+                && surroundings.confirm(&strip, &mut around)
+            {
+                strip.triangles().iter().for_each(|&triangle| is_seen[triangle] = true);
+                strips.push(Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden));
+                return true;
+            }
+            let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
+            if !surroundings.confirm(&strip, &mut around) {
+                return true;
+            }
+            // Across its rulings, the ends are confirmed.
+            let own = |arc: &HiddenArc| {
+                let triangle = strip.triangles.binary_search(&arc.triangle).ok()?;
+                (arc.edge.cross(&axis).norm() < CONTAINS).then_some(HiddenArc { triangle, ..*arc })
+            };
+            let hidden: Vec<HiddenArc> = hidden.iter().filter_map(own).collect();
+            let mut doubts = strip.alone.found_slope_doubts(&missing, &deviations, &hidden, fork);
+            doubts.resize(strip.triangles.len(), 0.0);
+            let at_edges = surroundings.at_edges(&strip);
+            let Strip { triangles, vertices, alone, .. } = strip;
+            strips.push(Settled { triangles, vertices, normals: alone.normals, at_edges, doubts });
+            true
+        },
+    );
     strips
 }
 
@@ -164,18 +176,24 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The direction of the rulings and the triangles, in ascending order, of the strip of a triangle, if there is one.
-    fn strip_at(&mut self, triangle: usize) -> Option<(Vector3<f64>, Vec<usize>)> {
+    /// The direction of a ruling beside a triangle, if there is one, and the number of facets that were looked at.
+    fn ruling_at(&self, triangle: usize) -> (Option<Vector3<f64>>, usize) {
+        let mut steps = 0;
         let ruling = (3 * triangle..3 * triangle + 3).find_map(|side| {
             let direction = self.direction(side)?;
-            (self.rulings_round(side, direction) >= LEAST_RULINGS).then_some(direction)
-        })?;
+            (self.rulings_round(side, direction, &mut steps) >= LEAST_RULINGS).then_some(direction)
+        });
+        (ruling, steps)
+    }
+
+    /// The mean direction of the rulings and the triangles, in ascending order, of the strip of a triangle.
+    fn strip_at(&mut self, triangle: usize, ruling: Vector3<f64>) -> (Vector3<f64>, Vec<usize>) {
         let found = self.grown(triangle, ruling);
         let axis = self.mean_ruling(&found, ruling);
         let mut triangles = self.grown(triangle, axis);
         self.trim(&mut triangles, axis);
         triangles.sort_unstable();
-        Some((axis, triangles))
+        (axis, triangles)
     }
 
     /// Removes the triangles that reach farther along the rulings than any of these: a facet of a fillet may continue one of the
@@ -205,8 +223,9 @@ impl Search<'_> {
         off <= (OFF * self.near).powi(2) && off <= CONTAINS.powi(2) * chord.norm_squared()
     }
 
-    /// The number of parallel sides in a row, from a first one on, between which the facets turn; no more than are needed.
-    fn rulings_round(&mut self, first: usize, direction: Vector3<f64>) -> usize {
+    /// The number of parallel sides in a row, from a first one on, between which the facets turn; no more than are needed. The
+    /// facets that are looked at are added to `steps`.
+    fn rulings_round(&self, first: usize, direction: Vector3<f64>, steps: &mut usize) -> usize {
         let entered = self.mesh.continued[first];
         if entered == NONE {
             return 0;
@@ -215,7 +234,7 @@ impl Search<'_> {
         for start in [first, entered as usize] {
             let (mut side, mut last) = (start, self.normal(start / 3));
             for _ in 0..MOST_STEPS {
-                self.steps = self.steps.saturating_sub(1);
+                *steps += 1;
                 // A facet between two rulings is divided by its diagonal.
                 let others = [1, 2].map(|turn| side / 3 * 3 + (side % 3 + turn) % 3);
                 let next = others.into_iter().find(|&other| {
@@ -340,7 +359,7 @@ impl<'a> Strip<'a> {
             continued: sides.map(|side| continued(side).unwrap_or(NONE)).collect(),
             ..SmoothMesh::default()
         };
-        let (missing, deviations) = alone.complete_normals();
+        let (missing, deviations) = alone.complete_normals(&InTurn);
         for normal in
             alone.normals.iter_mut().zip(&missing).filter_map(|(normal, missing)| missing.then_some(normal))
         {

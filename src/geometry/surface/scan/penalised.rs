@@ -66,7 +66,7 @@ struct Problem<'a> {
     cells: &'a Cells,
     knots_x: UniformKnots,
     knots_y: UniformKnots,
-    solver: GridSolver<1>,
+    solver: GridSolver<'a, 1>,
     /// Points in the order of their bins, bins in the order of their spans.
     order: Vec<u32>,
     /// Mean height, mm. Heights are fitted relative to it, so that a part far from the origin loses no precision.
