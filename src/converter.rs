@@ -204,6 +204,7 @@ mod tests {
 
     use super::*;
     use crate::formats::mesh::{self, MeshFormat, MeshOptions, Shape};
+    use crate::geometry::fork::InTurn;
     use crate::geometry::height_field::{FacingPart, Grid};
     use crate::geometry::space::View;
 
@@ -242,7 +243,7 @@ mod tests {
         let reading = mesh::read(&converted, MeshFormat::Step, &options, &BTreeMap::new()).unwrap();
         let Shape::Solid(part) = &reading.shape else { panic!("a STEP file is a solid") };
         let view = View::top();
-        let part = FacingPart::of_solid(&part.solid, &part.mesh, &view);
+        let part = FacingPart::of_solid(&part.solid, &part.mesh, &view, &InTurn);
         assert!(part.faces().unwrap().unread().is_none());
         let field = part.sample(&Grid::over(&part.extents(), 0.5)).field;
         let mut nodes = 0;

@@ -147,6 +147,7 @@
 //! | [`formats`] | bytes to values and back; the only module that uses format crates; opens no file | `geometry`, `printable`, `reason` |
 //! | [`config`] | settings files to one validated station and one set of settings for each job | `geometry`, `reason`, `formats` |
 //! | [`files`] | files that are written completely or not at all | – |
+//! | `cores` | halves of a fit at once, in threads | `geometry` |
 //! | `converter` | STEP files converted by FreeCAD, in a child process | – |
 //! | [`cache`] | fitted surfaces on disk, for each SKU | `geometry`, `formats`, `config`, `files` |
 //! | [`preview`] | the pictures of a job: flat, and on the part | `geometry`, `printable`, `formats` |
@@ -181,6 +182,7 @@ pub mod reason;
 pub mod formats;
 pub mod config;
 pub mod files;
+mod cores;
 mod converter;
 pub mod cache;
 pub mod preview;

@@ -20,6 +20,7 @@ const MODULES: &[(&str, &[&str])] = &[
     ("formats", &["geometry", "printable", "reason"]),
     ("config", &["geometry", "reason", "formats"]),
     ("files", &[]),
+    ("cores", &["geometry"]),
     ("converter", &[]),
     ("cache", &["geometry", "formats", "config", "files"]),
     ("preview", &["geometry", "printable", "formats"]),
@@ -33,6 +34,7 @@ const MODULES: &[(&str, &[&str])] = &[
             "reason",
             "formats",
             "config",
+            "cores",
             "converter",
             "cache",
             "preview",
@@ -133,7 +135,8 @@ const HOMES: &[(&str, &[&str])] = &[
     ("std::fs", &["files", "config", "cache", "hotfolder", "cli"]),
     ("std::time", &["files", "converter", "config", "pipeline", "hotfolder", "fleet", "cli"]),
     // In the command line, only for the line that shows progress.
-    ("std::thread", &["files", "converter", "hotfolder", "fleet", "cli"]),
+    ("std::thread", &["files", "cores", "converter", "hotfolder", "fleet", "cli"]),
+    ("rayon_core", &["cores"]),
     // In the hot folder, only for the process ID in the lock file; in the fleet, for the name of a run; in the converter, for FreeCAD.
     ("std::process", &["converter", "hotfolder", "fleet", "cli", "main"]),
     // In the hot folder and the fleet, only for the password of the page and of the database; in the converter, to find FreeCAD.

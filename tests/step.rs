@@ -11,6 +11,7 @@ use std::process::Command;
 use fs_err as fs;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError, PartReading, Shape, StepProblem};
+use isomark::geometry::fork::InTurn;
 use isomark::geometry::height_field::{FacingPart, Grid, HeightField, Node};
 use isomark::geometry::space::{Facing, View};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
@@ -30,9 +31,9 @@ fn part(name: &str) -> PartReading {
     read(text(name).as_bytes()).unwrap()
 }
 
-fn facing(reading: &PartReading, view: &View) -> FacingPart {
+fn facing(reading: &PartReading, view: &View) -> FacingPart<'static> {
     let Shape::Solid(part) = &reading.shape else { panic!("a STEP file is a solid") };
-    FacingPart::of_solid(&part.solid, &part.mesh, view)
+    FacingPart::of_solid(&part.solid, &part.mesh, view, &InTurn)
 }
 
 fn sampled(reading: &PartReading, view: &View, steps: f64) -> HeightField {

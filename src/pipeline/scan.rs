@@ -6,6 +6,7 @@ use super::causes::NOISE_REACH;
 use super::checks;
 use super::landmarks::Lift;
 use crate::config::PartSettings;
+use crate::cores::Cores;
 use crate::formats::mesh::{NormalsUsed, PartFacts, RoundFacts, ScanFacts, ScanSurface, Shape, SolidPart};
 use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node};
 use crate::geometry::mesh::TriMesh;
@@ -52,7 +53,7 @@ pub fn surface_of(
         Shape::Mesh(mesh) if facts.normals_used == Some(NormalsUsed::Smoothed) => {
             noisy_mesh(mesh, facts, settings, fit)
         }
-        Shape::Mesh(mesh) => FittedSurface::of_part(&FacingPart::new(mesh, &view), fit),
+        Shape::Mesh(mesh) => FittedSurface::of_part(&FacingPart::with_fork(mesh, &view, &Cores), fit),
         Shape::Solid(part) => return exact_faces(part, &view, facts, settings, fit),
         Shape::Scan(cloud) => {
             let scan = SmoothedScan::bridged(cloud, &view, settings.smoothing, settings.bridge)
@@ -76,7 +77,7 @@ fn exact_faces(
     settings: &PartSettings,
     fit: &FitOptions,
 ) -> Result<FittedSurface, Reason> {
-    let facing = FacingPart::of_solid(&part.solid, &part.mesh, view);
+    let facing = FacingPart::of_solid(&part.solid, &part.mesh, view, &Cores);
     if let Some(face) = facing.faces().and_then(SeenSolid::unread) {
         return Err(face_unread(face));
     }
@@ -128,7 +129,7 @@ fn noisy_mesh(
     fit: &FitOptions,
 ) -> Result<FittedSurface, FitError> {
     let view = View::new(settings.facing, settings.roll);
-    let part = FacingPart::new(mesh, &view);
+    let part = FacingPart::with_fork(mesh, &view, &Cores);
     let normals = mesh.facet_normals();
     // Vertices of no facet are strays.
     let vertices = mesh.positions().iter().zip(normals).filter(|(_, normal)| *normal != Vector3::zeros());

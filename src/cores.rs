@@ -1,0 +1,64 @@
+//! Halves of work at once, on the cores of the machine.
+
+use std::sync::OnceLock;
+
+use rayon_core::{ThreadPool, ThreadPoolBuilder};
+
+use crate::geometry::fork::Fork;
+
+/// More threads than this would share halves that are small.
+const MOST_THREADS: usize = 8;
+
+/// Does halves of work at once, in threads that the first work starts and all later work uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Cores;
+
+impl Fork for Cores {
+    fn both(&self, one: &mut (dyn FnMut() + Send), other: &mut (dyn FnMut() + Send)) {
+        match threads() {
+            Some(threads) => {
+                threads.join(one, other);
+            }
+            None => {
+                one();
+                other();
+            }
+        }
+    }
+}
+
+/// `None` where there is one core, or where the system allows no threads.
+fn threads() -> Option<&'static ThreadPool> {
+    static THREADS: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    let start = || {
+        let count = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+        let name = |index| format!("fit {index}");
+        if count > 1 {
+            ThreadPoolBuilder::new().num_threads(count).thread_name(name).build().ok()
+        } else {
+            None
+        }
+    };
+    THREADS.get_or_init(start).as_ref()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::shapes;
+    use crate::geometry::space::View;
+    use crate::geometry::surface::fit::{FitOptions, FittedSurface};
+
+    #[test]
+    fn halves_at_once_have_the_result_of_halves_in_turn() {
+        for height in [shapes::mouse, shapes::mandarin] {
+            let mesh = shapes::graph(20.0, 0.5, height);
+            let alone = FacingPart::new(&mesh, &View::top());
+            let shared = FacingPart::with_fork(&mesh, &View::top(), &Cores);
+            let [alone, shared] = [&alone, &shared]
+                .map(|part| FittedSurface::of_part(part, &FitOptions::default()).expect("a surface"));
+            assert_eq!(alone, shared);
+        }
+    }
+}
