@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use rayon_core::{ThreadPool, ThreadPoolBuilder};
 
-use crate::geometry::fork::Fork;
+use crate::geometry::fork::{Fork, InTurn};
 
 /// More threads than this would share halves that are small.
 const MOST_THREADS: usize = 8;
@@ -14,15 +14,20 @@ const MOST_THREADS: usize = 8;
 pub(crate) struct Cores;
 
 impl Fork for Cores {
+    fn whole(&self, work: &mut (dyn FnMut() + Send)) {
+        // A thread of its own would wait for the others at each fork.
+        match threads() {
+            Some(threads) => threads.install(work),
+            None => work(),
+        }
+    }
+
     fn both(&self, one: &mut (dyn FnMut() + Send), other: &mut (dyn FnMut() + Send)) {
         match threads() {
             Some(threads) => {
                 threads.join(one, other);
             }
-            None => {
-                one();
-                other();
-            }
+            None => InTurn.both(one, other),
         }
     }
 }

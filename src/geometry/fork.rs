@@ -16,6 +16,11 @@ const MOST_VAIN: usize = 8;
 
 /// Does two pieces of work.
 pub trait Fork: Sync + Debug {
+    /// Does work that forks many times.
+    fn whole(&self, work: &mut (dyn FnMut() + Send)) {
+        work();
+    }
+
     /// Does both, one after the other or at once.
     fn both(&self, one: &mut (dyn FnMut() + Send), other: &mut (dyn FnMut() + Send));
 }
@@ -29,6 +34,16 @@ impl Fork for InTurn {
         one();
         other();
     }
+}
+
+/// The result of work that forks many times.
+///
+/// # Panics
+/// Never, if `fork` does the work.
+pub(crate) fn whole<T: Send>(fork: &dyn Fork, work: impl FnOnce() -> T + Send) -> T {
+    let (mut work, mut result) = (Some(work), None);
+    fork.whole(&mut || result = work.take().map(|work| work()));
+    result.expect("a fork does the work")
 }
 
 /// The results of two pieces of work.

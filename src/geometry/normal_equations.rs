@@ -363,14 +363,14 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
             assert_eq!(right.len(), self.right.len(), "right-hand side of another grid");
             let given = elimination.order().iter().map(|point| right[*point as usize]);
             let mut solution: Vec<[f64; COMPONENTS]> = given.collect();
-            factor.solve(&mut solution);
+            factor.solve(&mut solution, solver.fork);
             let mut found = vec![[0.0; COMPONENTS]; right.len()];
             elimination
                 .order()
                 .iter()
                 .zip(solution)
                 .for_each(|(point, value)| found[*point as usize] = value);
-            let residual = self.relative_residual(elimination, right, &found);
+            let residual = self.relative_residual(solver, right, &found);
             // The matrix squares the condition number of the observations; 1e-7 of the right-hand side is far below
             // 1e-6 mm.
             if !(residual <= 1e-7) {
@@ -384,23 +384,37 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// ‖Ax − b‖ / ‖b‖ over the unknowns.
     fn relative_residual(
         &self,
-        elimination: &Elimination,
+        solver: &GridSolver<'_, COMPONENTS>,
         right: &[[f64; COMPONENTS]],
         solution: &[[f64; COMPONENTS]],
     ) -> f64 {
         // A margin of zeros takes the place of neighbours outside the grid, whose blocks are zero.
         let width = self.columns + 2 * REACH;
         let padded = |of: &[[f64; COMPONENTS]]| {
-            let mut padded = vec![[0.0; COMPONENTS]; width * (self.rows + REACH)];
+            let mut padded = vec![[0.0; COMPONENTS]; of.len() / self.columns * width + REACH * width];
             for (line, to) in of.chunks(self.columns).zip(padded.chunks_mut(width)) {
                 to[REACH..REACH + self.columns].copy_from_slice(line);
             }
             padded
         };
-        let (solution, mut rest) = (padded(solution), padded(right));
-        subtract_product(&self.matrix, self.columns, &solution, &mut rest);
+        // What the lower rows leave of the upper ones is in the margin above them.
+        let (solution, middle) = (padded(solution), self.rows / 2);
+        let (low, high) = (0..middle, middle..self.rows);
+        let rest_of = |rows: Range<usize>| {
+            let points = rows.start * self.columns..rows.end * self.columns;
+            let mut rest = padded(&right[points.clone()]);
+            subtract_product(&self.matrix[points], self.columns, &solution[rows.start * width..], &mut rest);
+            rest
+        };
+        let (mut rest, above) = join(solver.fork, || rest_of(low), || rest_of(high));
+        let margin = rest.split_off(middle * width);
+        rest.extend(above);
+        for (sum, part) in rest[middle * width..].as_flattened_mut().iter_mut().zip(margin.as_flattened()) {
+            *sum += part;
+        }
+        let order = solver.elimination.order();
         let norm = |square: &dyn Fn(usize) -> f64| {
-            elimination.order().iter().map(|point| square(*point as usize)).sum::<f64>().sqrt()
+            order.iter().map(|point| square(*point as usize)).sum::<f64>().sqrt()
         };
         let square = |of: &[f64; COMPONENTS]| of.iter().map(|value| value * value).sum();
         let at = |point: usize| point / self.columns * width + REACH + point % self.columns;

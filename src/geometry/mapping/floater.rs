@@ -433,7 +433,7 @@ fn parametrise(
             [on_border.map(|(neighbour, index)| means.weights[vertex][index] * places[neighbour][axis]).sum()]
         };
         let mut found: Vec<[f64; 1]> = elimination.order().iter().map(right).collect();
-        factor.solve(&mut found);
+        factor.solve(&mut found, &InTurn);
         // Convex combinations stay inside the square; anything else is not a solution.
         if !found.as_flattened().iter().all(|place| (-1e-9..=1.0 + 1e-9).contains(place)) {
             return Err(unsolved);

@@ -60,7 +60,18 @@ pub(crate) trait Couplings<const COMPONENTS: usize, const SIDES: usize> {
 #[derive(Debug, Clone)]
 pub(crate) struct Factor<'a, const COMPONENTS: usize, const SIDES: usize> {
     elimination: &'a Elimination,
+    /// Those of the first half, those of the other one, and that of the front to which both are added; or one without halves.
     parts: Vec<Part<SIDES>>,
+    /// Number of parts of the first half; 0 without halves.
+    of_first_half: usize,
+}
+
+/// The numbers of some fronts, from the place `start` on, and those from `top` on, to which they are coupled.
+struct Values<'v, Above> {
+    start: usize,
+    own: &'v mut [f64],
+    top: usize,
+    above: Above,
 }
 
 /// The factor of consecutive fronts.
@@ -138,41 +149,72 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
         fork: &dyn Fork,
     ) -> Result<Self, FactorError> {
         let starts = elimination.starts().ok_or(FactorError::Memory)?;
-        let (parts, _) =
-            Task { elimination, matrix, starts: &starts, fork }.halves(0..elimination.fronts())?;
-        Ok(Self { elimination, parts })
+        let task = Task { elimination, matrix, starts: &starts, fork };
+        let fronts = 0..elimination.fronts();
+        let first_half = task.large_halves(&fronts, COMPONENTS).map(|[one, _]| one);
+        let (parts, _) = task.halves(fronts)?;
+        let of_first_half =
+            first_half.map_or(0, |half| parts.partition_point(|part| part.fronts.end <= half.end));
+        Ok(Self { elimination, parts, of_first_half })
     }
 
-    /// Replaces a right-hand side, in the order of the elimination, by the solution.
-    pub(crate) fn solve(&self, right: &mut [[f64; COMPONENTS]]) {
+    /// Replaces a right-hand side, in the order of the elimination, by the solution. `fork` may solve the two halves below the last
+    /// front at once.
+    pub(crate) fn solve(&self, right: &mut [[f64; COMPONENTS]], fork: &dyn Fork) {
         let right = right.as_flattened_mut();
+        let (parts, last) = self.parts.split_at(self.parts.len() - usize::from(self.of_first_half > 0));
+        let (one, other) = parts.split_at(self.of_first_half);
+        let end_of = |parts: &[Part<SIDES>]| {
+            let last = parts.iter().rev().find_map(|part| part.fronts.end.checked_sub(1));
+            last.map_or(0, |front| self.elimination.own(front).end * COMPONENTS)
+        };
+        let (middle, top) = (end_of(one), end_of(other));
+        let (halves, above) = right.split_at_mut(top);
+        let (low, high) = halves.split_at_mut(middle);
+        let mut above_high = vec![0.0; above.len()];
+        join(
+            fork,
+            || self.forward(one, Values { start: 0, own: low, top, above }),
+            || self.forward(other, Values { start: middle, own: high, top, above: &mut above_high }),
+        );
+        above.iter_mut().zip(above_high).for_each(|(value, part)| *value += part);
+        let all = right.len();
+        self.forward(last, Values { start: top, own: &mut right[top..], top: all, above: &mut [] });
+        self.backward(last, Values { start: top, own: &mut right[top..], top: all, above: &[] });
+        let (halves, above) = right.split_at_mut(top);
+        let (low, high) = halves.split_at_mut(middle);
+        let above = &*above;
+        join(
+            fork,
+            || self.backward(one, Values { start: 0, own: low, top, above }),
+            || self.backward(other, Values { start: middle, own: high, top, above }),
+        );
+    }
+
+    fn forward(&self, parts: &[Part<SIDES>], mut right: Values<'_, &mut [f64]>) {
         let mut values = Vec::new();
-        for part in &self.parts {
-            let mut start = 0;
+        for part in parts {
+            let mut rest = &part.sides[0][..];
             for front in part.fronts.clone() {
                 let shape = Shape::of::<COMPONENTS>(self.elimination, front);
-                let factor = &part.sides[0][start..start + shape.factor_len()];
-                self.forward(front, shape, factor, right, &mut values);
-                start += shape.factor_len();
-            }
-        }
-        for part in self.parts.iter().rev() {
-            let upper = &part.sides[SIDES - 1];
-            let mut start = upper.len();
-            for front in part.fronts.clone().rev() {
-                let shape = Shape::of::<COMPONENTS>(self.elimination, front);
-                start -= shape.factor_len();
-                let factor = &upper[start..start + shape.factor_len()];
-                self.backward(front, shape, factor, right, &mut values);
+                let (factor, after) = rest.split_at(shape.factor_len());
+                rest = after;
+                self.forward_front(front, shape, factor, &mut right, &mut values);
             }
         }
     }
 
-    fn forward(&self, front: usize, shape: Shape, factor: &[f64], right: &mut [f64], values: &mut Vec<f64>) {
-        let own = self.elimination.own(front);
-        let own = own.start * COMPONENTS..own.end * COMPONENTS;
+    fn forward_front(
+        &self,
+        front: usize,
+        shape: Shape,
+        factor: &[f64],
+        right: &mut Values<'_, &mut [f64]>,
+        values: &mut Vec<f64>,
+    ) {
+        let own = self.own(front, right.start);
         values.clear();
-        values.extend_from_slice(&right[own.clone()]);
+        values.extend_from_slice(&right.own[own.clone()]);
         values.resize(shape.own * SIDE, 0.0);
         for row in 0..shape.own {
             let (before, from) = values.split_at_mut(row * SIDE);
@@ -185,31 +227,55 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
             }
         }
         let len = own.len();
-        right[own].copy_from_slice(&values[..len]);
-        let mut below = self.elimination.rows(front).iter().flat_map(|at| {
-            let first = *at as usize * COMPONENTS;
-            first..first + COMPONENTS
-        });
+        right.own[own].copy_from_slice(&values[..len]);
+        let mut below = self.below(front);
         for row in shape.own..shape.own + shape.rest {
             let at = shape.row(row) * AREA;
             let sum = product(&factor[at..at + shape.own * AREA], values);
-            sum.iter().zip(&mut below).for_each(|(sum, at)| right[at] -= sum);
+            for (sum, at) in sum.iter().zip(&mut below) {
+                let value = match at.checked_sub(right.top) {
+                    Some(above) => &mut right.above[above],
+                    None => &mut right.own[at - right.start],
+                };
+                *value -= sum;
+            }
         }
     }
 
-    fn backward(&self, front: usize, shape: Shape, factor: &[f64], right: &mut [f64], values: &mut Vec<f64>) {
-        let own = self.elimination.own(front);
-        let own = own.start * COMPONENTS..own.end * COMPONENTS;
+    fn backward(&self, parts: &[Part<SIDES>], mut right: Values<'_, &[f64]>) {
+        let mut values = Vec::new();
+        for part in parts.iter().rev() {
+            let mut rest = &part.sides[SIDES - 1][..];
+            for front in part.fronts.clone().rev() {
+                let shape = Shape::of::<COMPONENTS>(self.elimination, front);
+                let (before, factor) = rest.split_at(rest.len() - shape.factor_len());
+                rest = before;
+                self.backward_front(front, shape, factor, &mut right, &mut values);
+            }
+        }
+    }
+
+    fn backward_front(
+        &self,
+        front: usize,
+        shape: Shape,
+        factor: &[f64],
+        right: &mut Values<'_, &[f64]>,
+        values: &mut Vec<f64>,
+    ) {
+        let own = self.own(front, right.start);
         values.clear();
-        values.extend_from_slice(&right[own.clone()]);
+        values.extend_from_slice(&right.own[own.clone()]);
         values.resize(shape.own * SIDE, 0.0);
-        let mut below = self.elimination.rows(front).iter().flat_map(|at| {
-            let first = *at as usize * COMPONENTS;
-            first..first + COMPONENTS
-        });
+        let mut below = self.below(front);
         for row in shape.own..shape.own + shape.rest {
             let mut known = [0.0; SIDE];
-            known.iter_mut().zip(&mut below).for_each(|(known, at)| *known = right[at]);
+            for (known, at) in known.iter_mut().zip(&mut below) {
+                *known = match at.checked_sub(right.top) {
+                    Some(above) => right.above[above],
+                    None => right.own[at - right.start],
+                };
+            }
             let at = shape.row(row) * AREA;
             subtract_transposed(&factor[at..at + shape.own * AREA], &known, values);
         }
@@ -226,7 +292,21 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
             subtract_transposed(&factor[at..at + row * AREA], &known, before);
         }
         let len = own.len();
-        right[own].copy_from_slice(&values[..len]);
+        right.own[own].copy_from_slice(&values[..len]);
+    }
+
+    /// The places of the numbers that a front eliminates, among those from `start` on.
+    fn own(&self, front: usize, start: usize) -> Range<usize> {
+        let own = self.elimination.own(front);
+        own.start * COMPONENTS - start..own.end * COMPONENTS - start
+    }
+
+    /// The later places to which a front is coupled.
+    fn below(&self, front: usize) -> impl Iterator<Item = usize> {
+        self.elimination.rows(front).iter().flat_map(|at| {
+            let first = *at as usize * COMPONENTS;
+            first..first + COMPONENTS
+        })
     }
 }
 
@@ -683,7 +763,7 @@ mod tests {
             let scalars = |point: u32| std::array::from_fn(|at| point as usize * COMPONENTS + at);
             let mut found: Vec<[f64; COMPONENTS]> =
                 elimination.order().iter().map(|point| scalars(*point).map(|at| (at as f64).sin())).collect();
-            factor.solve(&mut found);
+            factor.solve(&mut found, &InTurn);
             for (row, value) in unknowns.iter().zip(&truth) {
                 let at = elimination.position(row / COMPONENTS).unwrap();
                 let found = found[at][row % COMPONENTS];
@@ -748,7 +828,7 @@ mod tests {
                 (u * column as f64).sin() * (v * row as f64).sin()
             };
             let mut found: Vec<[f64; 1]> = elimination.order().iter().map(|point| [wave(*point)]).collect();
-            factor.solve(&mut found);
+            factor.solve(&mut found, &InTurn);
             let eigenvalue = 4.0 - 2.0 * u.cos() - 2.0 * v.cos();
             for (point, [value]) in elimination.order().iter().zip(found) {
                 assert!((value * eigenvalue - wave(*point)).abs() < 1e-11);
@@ -771,6 +851,6 @@ mod tests {
         let elimination = Elimination::new((5, 5), 3, 1, |_| false).unwrap();
         let factor =
             Factor::new(&elimination, &Laplace { columns: 5, rows: 5, middle: 4.0 }, &InTurn).unwrap();
-        factor.solve(&mut []);
+        factor.solve(&mut [], &InTurn);
     }
 }

@@ -11,7 +11,7 @@ use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::solid::Solid;
 use super::solid::frame::Placement;
 use super::solid::rays::{FaceHit, HIDDEN, SeenSolid, Start, first_of};
-use crate::geometry::fork::{Fork, InTurn, found, in_pieces, join, mapped};
+use crate::geometry::fork::{Fork, InTurn, found, in_pieces, join, mapped, whole};
 use crate::geometry::space::{Extents, View, ViewPoint};
 
 /// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
@@ -249,7 +249,8 @@ impl<'f> FacingPart<'f> {
     /// [`FacingPart::new`]; `fork` may do halves of the work on this part at once.
     pub fn with_fork(mesh: &TriMesh, view: &View, fork: &'f dyn Fork) -> Self {
         // The table of continuing sides is large and no longer needed.
-        let mesh = SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) };
+        let mesh =
+            whole(fork, || SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) });
         // Each vertex is a corner of a triangle.
         let extents = Extents::of(mesh.positions.iter().map(|position| position.coords.xy()));
         Self { fork, mesh, faces: None, extents }

@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
-use crate::geometry::fork::{Fork, InTurn, found, join};
+use crate::geometry::fork::{Fork, InTurn, found, join, whole};
 use crate::geometry::height_field::{
     FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Uncertainty,
 };
@@ -203,6 +203,10 @@ impl FittedSurface {
     /// When too little of the part faces the laser, when its width is less than 1/1000 of its length as the laser
     /// sees it, or when the equations cannot be solved; see [`FitError`].
     pub fn of_part(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
+        whole(part.fork(), || Self::fitted(part, options))
+    }
+
+    fn fitted(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
         let size = part.extents().size();
         let longer = size.x.max(size.y);
         if !(size.x.min(size.y) > longer * 1e-3 && longer > 1e-2) {
