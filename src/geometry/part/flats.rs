@@ -32,7 +32,7 @@ const IMPLAUSIBLE: f64 = 6.0;
 const SURROUNDED: f64 = 0.9;
 
 /// Groups of coplanar triangles that continue each other.
-struct Planes {
+pub(super) struct Planes {
     of_triangle: Vec<u32>,
     /// Four times the area over the perimeter, mm: the side of a square, twice the width of a strip.
     widths: Vec<f64>,
@@ -55,7 +55,7 @@ pub(super) struct Estimated<'a> {
     pub(super) straight: &'a [bool],
 }
 
-/// Corrects normals that are estimated and open at vertices of the `chosen` triangles ([`round_bent_ones`]) where
+/// Corrects normals that are estimated and open at vertices of the `planes` of bent triangles ([`round_bent_ones`]) where
 /// facets of very different width continue each other. Those beside a straight side change only if they belong to a flat side:
 /// narrow facets with irregular corners would turn them away from it. Returns for each triangle how far the part may be from its
 /// curved patch, mm: where the file's normals contradict those derived from the narrow facets. Empty if there is no
@@ -64,10 +64,9 @@ pub(super) struct Estimated<'a> {
 /// The derived normal meets the chords to the surrounding vertices at the same angles as the normals at their other
 /// ends, in the least-squares sense, with more weight on short chords. A vertex without a neighbour among even
 /// vertices gets the normal of its widest plane, if that plane has more than one triangle.
-pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, chosen: &[bool]) -> Vec<f64> {
+pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, planes: &Planes) -> Vec<f64> {
     let is_open = estimated.open;
-    let planes = Planes::of(mesh, |triangle| chosen[triangle]);
-    let spans = Spans::of(mesh, &planes);
+    let spans = Spans::of(mesh, planes);
     let uneven: Vec<usize> =
         spans.all().filter_map(|(vertex, span)| span.is_uneven().then_some(vertex)).collect();
     if uneven.is_empty() {
@@ -301,7 +300,7 @@ impl Planes {
     }
 
     /// The planes of the `chosen` triangles; other triangles belong to one of these planes or to none.
-    fn of(mesh: &SmoothMesh, chosen: impl Fn(usize) -> bool) -> Self {
+    pub(super) fn of(mesh: &SmoothMesh, chosen: impl Fn(usize) -> bool) -> Self {
         let corners = |triangle: usize| mesh.triangles[triangle].map(|index| mesh.positions[index as usize]);
         let area = |triangle: usize| {
             let [a, b, c] = corners(triangle);

@@ -17,7 +17,7 @@ use crate::geometry::adjacency::{
 };
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::flats;
-use crate::geometry::fork::{Fork, InTurn, found, mapped};
+use crate::geometry::fork::{Fork, InTurn, found, join, mapped};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, NEGLIGIBLE_RISE, refined_normal};
 use crate::geometry::space::View;
@@ -368,14 +368,20 @@ impl SmoothMesh {
             }
         }
         if let Some(chosen) = flats::round_bent_ones(self, fork) {
+            let is_any_missing = is_missing.contains(&true);
+            let ends_of_straight_sides = || match is_any_missing {
+                true => long_sides::ends_of_straight_sides(self, &is_open, &chosen, fork),
+                false => Vec::new(),
+            };
+            // Planes do not depend on normals.
+            let planes = || flats::Planes::of(self, |triangle| chosen[triangle]);
+            let (ends, planes) = join(fork, ends_of_straight_sides, planes);
             let mut is_straight = vec![false; self.normals.len()];
-            if is_missing.contains(&true) {
-                for vertex in long_sides::straighten(self, &is_open, &chosen, fork) {
-                    is_straight[vertex as usize] = true;
-                }
+            for vertex in long_sides::straighten(self, ends) {
+                is_straight[vertex as usize] = true;
             }
             let estimated = flats::Estimated { all: &is_missing, open: &is_open, straight: &is_straight };
-            self.doubts = flats::lead_across(self, &estimated, &chosen);
+            self.doubts = flats::lead_across(self, &estimated, &planes);
         }
         // What has replaced an estimate is known from the arcs or flat sides that it belongs to.
         let mut deviations = vec![0.0; if is_missing.contains(&true) { self.normals.len() } else { 0 }];

@@ -45,7 +45,7 @@ const MOST_SIDES: usize = 2;
 
 /// One end of a side that may be straight.
 #[derive(Clone, Copy)]
-struct End {
+pub(super) struct End {
     vertex: u32,
     /// From the vertex to the other end, mm.
     chord: Vector3<f64>,
@@ -53,15 +53,9 @@ struct End {
     side: usize,
 }
 
-/// Turns the `estimated` normals at the ends of straight sides of the `chosen` triangles to a right angle with them. Returns
-/// the vertices whose side is much longer than all others there, so that it is known better than their narrow facets.
-pub(super) fn straighten(
-    mesh: &mut SmoothMesh,
-    estimated: &[bool],
-    chosen: &[bool],
-    fork: &dyn Fork,
-) -> Vec<u32> {
-    let mut straight = ends_of_straight_sides(mesh, estimated, chosen, fork);
+/// Turns normals at the ends of straight sides to a right angle with them. Returns the vertices whose side is much longer than all
+/// others there, so that it is known better than their narrow facets.
+pub(super) fn straighten(mesh: &mut SmoothMesh, mut straight: Vec<End>) -> Vec<u32> {
     // The longest side of a vertex comes first.
     straight.sort_by(|one, other| {
         let lengths = [other, one].map(|end| end.chord.norm_squared());
@@ -81,8 +75,8 @@ pub(super) fn straighten(
     known
 }
 
-/// Each end of a straight side from which its vertex leans.
-fn ends_of_straight_sides(
+/// Each end of a straight side of the `chosen` triangles at which the normal is `estimated` and leans from it.
+pub(super) fn ends_of_straight_sides(
     mesh: &SmoothMesh,
     estimated: &[bool],
     chosen: &[bool],

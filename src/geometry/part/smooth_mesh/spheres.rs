@@ -10,7 +10,7 @@ use super::SmoothMesh;
 use super::ends::{Surface, Surroundings, precision};
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
-use crate::geometry::fork::Fork;
+use crate::geometry::fork::{Fork, join};
 use crate::geometry::shape_fit::cross_directions;
 
 /// The vertices round a first one in two rows are at least so many, …
@@ -145,18 +145,23 @@ type Found = (Sphere, Vec<usize>, Vec<u32>, f64);
 
 fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool], fork: &dyn Fork) -> Vec<Found> {
     let near = precision(mesh);
-    let around = Neighbours::of(&mesh.triangles, mesh.positions.len());
-    let mut is_inside = estimated.to_vec();
-    for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
-        let corners = mesh.triangles[side / 3];
-        for corner in [side % 3, (side % 3 + 1) % 3] {
-            is_inside[corners[corner] as usize] = false;
+    let neighbours = || Neighbours::of(&mesh.triangles, mesh.positions.len());
+    // Vertices that are not at the rim of anything, and a triangle of each vertex.
+    let insides = || {
+        let mut is_inside = estimated.to_vec();
+        for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
+            let corners = mesh.triangles[side / 3];
+            for corner in [side % 3, (side % 3 + 1) % 3] {
+                is_inside[corners[corner] as usize] = false;
+            }
         }
-    }
-    let mut triangle_of = vec![NONE; mesh.positions.len()];
-    for (triangle, corners) in mesh.triangles.iter().enumerate() {
-        corners.iter().for_each(|&vertex| triangle_of[vertex as usize] = triangle as u32);
-    }
+        let mut triangle_of = vec![NONE; mesh.positions.len()];
+        for (triangle, corners) in mesh.triangles.iter().enumerate() {
+            corners.iter().for_each(|&vertex| triangle_of[vertex as usize] = triangle as u32);
+        }
+        (is_inside, triangle_of)
+    };
+    let (around, (is_inside, triangle_of)) = join(fork, neighbours, insides);
     let mut is_tried = vec![false; mesh.positions.len()];
     let mut is_known = vec![false; mesh.triangles.len()];
     is_known.iter_mut().zip(is_round).for_each(|(known, round)| *known = *round);
