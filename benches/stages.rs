@@ -6,6 +6,7 @@ use std::hint::black_box;
 use divan::Bencher;
 use isomark::cache::Cache;
 use isomark::config::{JobSettings, Sku};
+use isomark::cores::Cores;
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions, PartFile};
 use isomark::formats::pattern::{self, DxfProfile, PatternOptions};
 use isomark::geometry::correction::{Projection, Subdivision};
@@ -58,6 +59,15 @@ fn sample_and_fit(bencher: Bencher, edge: f64) {
     let mesh = mesh(edge);
     bencher.bench(|| {
         let part = FacingPart::new(black_box(&mesh), &View::top());
+        FittedSurface::of_part(&part, &FitOptions::default())
+    });
+}
+
+#[divan::bench(args = [0.75, 0.27])]
+fn sample_and_fit_on_all_cores(bencher: Bencher, edge: f64) {
+    let mesh = mesh(edge);
+    bencher.bench(|| {
+        let part = FacingPart::with_fork(black_box(&mesh), &View::top(), &Cores);
         FittedSurface::of_part(&part, &FitOptions::default())
     });
 }

@@ -9,9 +9,23 @@ use crate::geometry::fork::{Fork, InTurn};
 /// More threads than this would share halves that are small.
 const MOST_THREADS: usize = 8;
 
-/// Does halves of work at once, in threads that the first work starts and all later work uses.
+/// Does halves of work at once, in threads that the first work starts and all later work uses: one for each core of the machine,
+/// eight at most. With one core, or where the system allows no threads, it does one half after the other.
+///
+/// ```
+/// use isomark::cores::Cores;
+/// use isomark::geometry::height_field::FacingPart;
+/// use isomark::geometry::shapes;
+/// use isomark::geometry::space::View;
+/// use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+///
+/// let mesh = shapes::graph(20.0, 1.0, shapes::mouse);
+/// let part = FacingPart::with_fork(&mesh, &View::top(), &Cores);
+/// let surface = FittedSurface::of_part(&part, &FitOptions::default())?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Cores;
+pub struct Cores;
 
 impl Fork for Cores {
     fn whole(&self, work: &mut (dyn FnMut() + Send)) {
