@@ -56,7 +56,7 @@ pub fn surface_of(
         Shape::Mesh(mesh) => FittedSurface::of_part(&FacingPart::with_fork(mesh, &view, &Cores), fit),
         Shape::Solid(part) => return exact_faces(part, &view, facts, settings, fit),
         Shape::Scan(cloud) => {
-            let scan = SmoothedScan::bridged(cloud, &view, settings.smoothing, settings.bridge)
+            let scan = SmoothedScan::bridged(cloud, &view, settings.smoothing, settings.bridge, &Cores)
                 .map_err(|error| scan_reason(&error, settings))?;
             fit_scan(scan, facts, settings)
         }
@@ -135,7 +135,7 @@ fn noisy_mesh(
     let vertices = mesh.positions().iter().zip(normals).filter(|(_, normal)| *normal != Vector3::zeros());
     let (positions, normals) = vertices.map(|(at, normal)| (*at, normal)).unzip();
     let cloud = PointCloud::new(positions, normals);
-    let scan = SmoothedScan::bridged(&cloud, &view, settings.smoothing, settings.bridge).ok();
+    let scan = SmoothedScan::bridged(&cloud, &view, settings.smoothing, settings.bridge, &Cores).ok();
     match scan.filter(|scan| covers(&scan.field, &part)) {
         Some(scan) => {
             let noise = facts.noise.map_or(0.0, |noise| noise.noise_mm);

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartReading, Shape, UpAxis,
 };
+use isomark::geometry::fork::InTurn;
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::holes;
 use isomark::geometry::mesh::TriMesh;
@@ -206,7 +207,7 @@ fn gaps_of_scans_are_bridged_up_to_the_same_width() {
         .collect();
     let cloud = PointCloud::new(points, Vec::new());
     let smoothed = |widest| {
-        let scan = SmoothedScan::bridged(&cloud, &View::top(), Smoothing::Auto, widest).unwrap();
+        let scan = SmoothedScan::bridged(&cloud, &View::top(), Smoothing::Auto, widest, &InTurn).unwrap();
         FittedSurface::of_field(scan.field).unwrap()
     };
     assert!(off(&smoothed(None), [3.0, -2.0], 2.0).is_infinite());

@@ -11,6 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point3, Vector2};
 
+use crate::geometry::fork::{Fork, InTurn, whole};
 use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty};
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
@@ -102,10 +103,11 @@ impl SmoothedScan {
     /// # Errors
     /// When there are too few points, when they are in one line, or when they form no surface; see [`ScanError`].
     pub fn new(cloud: &PointCloud, view: &View, smoothing: Smoothing) -> Result<Self, ScanError> {
-        Self::bridged(cloud, view, smoothing, None)
+        Self::bridged(cloud, view, smoothing, None, &InTurn)
     }
 
-    /// The same with gaps bridged that are up to `widest` mm wide; `None` bridges those of a few points.
+    /// The same with gaps bridged that are up to `widest` mm wide; `None` bridges those of a few points. `fork` may smooth halves of
+    /// the surfaces at once.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -114,6 +116,7 @@ impl SmoothedScan {
         view: &View,
         smoothing: Smoothing,
         widest: Option<f64>,
+        fork: &dyn Fork,
     ) -> Result<Self, ScanError> {
         let faces_away =
             |at: usize| cloud.normals().get(at).is_some_and(|&normal| view.vector(normal).z < 0.0);
@@ -124,7 +127,7 @@ impl SmoothedScan {
         let points_left = points.len();
         drop(points);
         let smooth = |region: Region| -> Result<(Region, Smoothed), ScanError> {
-            let smoothed = penalised::smooth(&region, &seen.cells, smoothing)?;
+            let smoothed = whole(fork, || penalised::smooth(&region, &seen.cells, smoothing, fork))?;
             Ok((region, smoothed))
         };
         let surfaces = seen.regions.into_iter().map(smooth).collect::<Result<Vec<_>, _>>()?;

@@ -10,6 +10,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::visible::{Cells, Region, TO_DEVIATION, median};
 use super::{ScanError, Smoothing};
+use crate::geometry::fork::Fork;
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::knots::UniformKnots;
@@ -109,7 +110,12 @@ struct Fit {
 }
 
 /// Smooths the points of a region.
-pub(super) fn smooth(region: &Region, cells: &Cells, smoothing: Smoothing) -> Result<Smoothed, ScanError> {
+pub(super) fn smooth(
+    region: &Region,
+    cells: &Cells,
+    smoothing: Smoothing,
+    fork: &dyn Fork,
+) -> Result<Smoothed, ScanError> {
     let spacing = cells.spacing();
     let trusted = region.points.iter().zip(&region.trusted).filter(|(_, trusted)| **trusted);
     let extents = Extents::of(trusted.map(|(point, _)| point.coords.xy()));
@@ -125,7 +131,7 @@ pub(super) fn smooth(region: &Region, cells: &Cells, smoothing: Smoothing) -> Re
     };
     let mut weights: Vec<f64> = region.trusted.iter().map(|trusted| f64::from(*trusted)).collect();
     loop {
-        let problem = Problem::new(region, cells, extents, knot_distance)?;
+        let problem = Problem::new(region, cells, extents, knot_distance, fork)?;
         let fit = problem.settle(&mut weights, smoothing)?;
         let unresolved = fit.wavelength < RESOLVED * knot_distance && smoothing.follows_the_points();
         if !unresolved || knot_distance <= 1.01 * finest {
@@ -141,6 +147,7 @@ impl<'a> Problem<'a> {
         cells: &'a Cells,
         extents: Extents,
         knot_distance: f64,
+        fork: &'a dyn Fork,
     ) -> Result<Self, ScanError> {
         let along = |low: f64, high: f64| {
             let spans = ((high - low) / knot_distance).ceil().max(1.0);
@@ -153,7 +160,7 @@ impl<'a> Problem<'a> {
         let mut order: Vec<u32> = (0..region.points.len() as u32).collect();
         order.sort_by_cached_key(|&at| bin(&knots_x, &knots_y, &region.points[at as usize]));
         let mean = region.points.iter().map(|point| point.z).sum::<f64>() / region.points.len() as f64;
-        let solver = GridSolver::new(knots_x.control_points(), knots_y.control_points())?;
+        let solver = GridSolver::new(knots_x.control_points(), knots_y.control_points())?.with_fork(fork);
         Ok(Self { region, cells, knots_x, knots_y, solver, order, mean })
     }
 
