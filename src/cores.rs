@@ -8,6 +8,8 @@ use crate::geometry::fork::{Fork, InTurn};
 
 /// More threads than this would share halves that are small.
 const MOST_THREADS: usize = 8;
+/// As much as a main thread has: a thread that waits for a half begins another one.
+const STACK: usize = 8 << 20;
 
 /// Does halves of work at once, in threads that the first work starts and all later work uses: one for each core of the machine,
 /// eight at most. With one core, or where the system allows no threads, it does one half after the other.
@@ -52,11 +54,8 @@ fn threads() -> Option<&'static ThreadPool> {
     let start = || {
         let count = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
         let name = |index| format!("fit {index}");
-        if count > 1 {
-            ThreadPoolBuilder::new().num_threads(count).thread_name(name).build().ok()
-        } else {
-            None
-        }
+        let builder = ThreadPoolBuilder::new().num_threads(count).thread_name(name).stack_size(STACK);
+        if count > 1 { builder.build().ok() } else { None }
     };
     THREADS.get_or_init(start).as_ref()
 }
