@@ -1,6 +1,7 @@
 //! Halves of work at once, on the cores of the machine.
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon_core::{ThreadPool, ThreadPoolBuilder};
 
@@ -12,7 +13,8 @@ const MOST_THREADS: usize = 8;
 const STACK: usize = 8 << 20;
 
 /// Does halves of work at once, in threads that the first work starts and all later work uses: one for each core of the machine,
-/// eight at most. With one core, or where the system allows no threads, it does one half after the other.
+/// eight at most. With one core, where the system allows no threads, and while other work is in them, it does one half after the
+/// other.
 ///
 /// ```
 /// use isomark::cores::Cores;
@@ -29,23 +31,41 @@ const STACK: usize = 8 << 20;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cores;
 
+/// Whether work is in the threads. Other work stays in its own thread meanwhile: it would have to wait for all halves of the first.
+static ARE_BUSY: AtomicBool = AtomicBool::new(false);
+
 impl Fork for Cores {
-    fn whole(&self, work: &mut (dyn FnMut() + Send)) {
-        // A thread of its own would wait for the others at each fork.
+    fn start(&self, work: &mut (dyn FnMut() + Send)) {
+        /// Frees the threads, also after a panic.
+        struct Busy;
+
+        impl Drop for Busy {
+            fn drop(&mut self) {
+                ARE_BUSY.store(false, Ordering::Release);
+            }
+        }
+
         match threads() {
-            Some(threads) => threads.install(work),
-            None => work(),
+            Some(threads) if !is_within() && !ARE_BUSY.swap(true, Ordering::Acquire) => {
+                let _busy = Busy;
+                threads.install(work);
+            }
+            _ => work(),
         }
     }
 
     fn both(&self, one: &mut (dyn FnMut() + Send), other: &mut (dyn FnMut() + Send)) {
-        match threads() {
-            Some(threads) => {
-                threads.join(one, other);
-            }
-            None => InTurn.both(one, other),
+        if is_within() {
+            rayon_core::join(one, other);
+        } else {
+            InTurn.both(one, other);
         }
     }
+}
+
+/// Whether this is one of the threads.
+fn is_within() -> bool {
+    rayon_core::current_thread_index().is_some()
 }
 
 /// `None` where there is one core, or where the system allows no threads.

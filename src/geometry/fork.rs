@@ -16,8 +16,8 @@ const MOST_VAIN: usize = 8;
 
 /// Does two pieces of work.
 pub trait Fork: Sync + Debug {
-    /// Does work that forks many times.
-    fn whole(&self, work: &mut (dyn FnMut() + Send)) {
+    /// Starts work that forks many times: where its halves are done, if that is elsewhere.
+    fn start(&self, work: &mut (dyn FnMut() + Send)) {
         work();
     }
 
@@ -40,9 +40,9 @@ impl Fork for InTurn {
 ///
 /// # Panics
 /// Never, if `fork` does the work.
-pub(crate) fn whole<T: Send>(fork: &dyn Fork, work: impl FnOnce() -> T + Send) -> T {
+pub(crate) fn start<T: Send>(fork: &dyn Fork, work: impl FnOnce() -> T + Send) -> T {
     let (mut work, mut result) = (Some(work), None);
-    fork.whole(&mut || result = work.take().map(|work| work()));
+    fork.start(&mut || result = work.take().map(|work| work()));
     result.expect("a fork does the work")
 }
 
@@ -121,8 +121,10 @@ pub(crate) fn in_pieces<T: Send>(
     one
 }
 
-/// Deals with the `things` that are open, in their order, until `take` returns false; `look` sees what it needs of a thing. The looks at
-/// several things are taken at once, at more of them as long as few are not open any more when it is their turn.
+/// Deals with the `things` that are open, in their order, until `take` returns false; `look` sees what it needs of a thing.
+///
+/// Several things are looked at at once, more of them as long as few are not open any more when it is their turn. So what `look` reads
+/// of the state must not change, and what is not open must not open again.
 pub(crate) fn look_ahead<State: Sync, Seen: Send>(
     fork: &dyn Fork,
     things: &[usize],

@@ -203,7 +203,7 @@ impl<const COMPONENTS: usize> EquationRows<'_, COMPONENTS> {
         row < self.rows.end && self.rows.start < row + 4
     }
 
-    /// Adds what the observations of the cell whose lower left control point is (`column`, `row`) say of the control points here.
+    /// Adds what the observations of the cell whose lower left control point is (`column`, `row`) contribute to these rows.
     #[inline(always)]
     pub(crate) fn add_cell(&mut self, column: usize, row: usize, sum: &CellSum<COMPONENTS>) {
         for first in 0..16 {
@@ -248,8 +248,8 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         EquationRows { columns: self.columns, rows, matrix, right }.add_cell(column, row, sum);
     }
 
-    /// Calls `add` for halves of the equations, which `fork` may fill at once: it must add all cells to each that
-    /// [touch](EquationRows::touch) it.
+    /// Calls `add` for halves of the equations, which `fork` may fill at once: it must add each cell to each half that the cell
+    /// touches ([`EquationRows::touch`]).
     pub(crate) fn fill(&mut self, fork: &dyn Fork, add: &(impl Fn(&mut EquationRows<COMPONENTS>) + Sync)) {
         let (columns, middle) = (self.columns, self.rows / 2);
         let (low, high) = self.matrix.split_at_mut(middle * columns);

@@ -239,7 +239,7 @@ impl IsometricMap {
         total
     }
 
-    fn solver<'f>(&self) -> Result<GridSolver<'f, 2>, SolveError> {
+    fn solver(&self) -> Result<GridSolver<'static, 2>, SolveError> {
         GridSolver::new(self.knots_s.control_points(), self.knots_t.control_points())
     }
 

@@ -29,8 +29,10 @@ const PANEL: usize = 24;
 /// Rows of tiles that stay in the cache while others are multiplied by them.
 const BLOCK: usize = 24;
 
-/// Halves with fewer unknowns are factored in less time than it takes to share them.
+/// Halves with fewer unknowns are factored in less time than it takes to share them, …
 const LEAST_HALF: usize = 400;
+/// … and so are those with a smaller share of all: more would be for more threads than there are.
+const SMALLEST_SHARE: usize = 16;
 
 /// Why there is no factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,10 +62,10 @@ pub(crate) trait Couplings<const COMPONENTS: usize, const SIDES: usize> {
 #[derive(Debug, Clone)]
 pub(crate) struct Factor<'a, const COMPONENTS: usize, const SIDES: usize> {
     elimination: &'a Elimination,
-    /// Those of the first half, those of the other one, and that of the front to which both are added; or one without halves.
-    parts: Vec<Part<SIDES>>,
-    /// Number of parts of the first half; 0 without halves.
-    of_first_half: usize,
+    /// The factors of two halves that are not coupled; empty where the matrix is not divided.
+    halves: [Vec<Part<SIDES>>; 2],
+    /// What follows them: the front that separates the halves, or all.
+    top: Vec<Part<SIDES>>,
 }
 
 /// The numbers of some fronts, from the place `start` on, and those from `top` on, to which they are coupled.
@@ -88,7 +90,18 @@ struct Task<'a, Matrix> {
     matrix: &'a Matrix,
     /// See [`Elimination::starts`].
     starts: &'a [usize],
+    /// Halves have so many unknowns, at least.
+    least_half: usize,
     fork: &'a dyn Fork,
+}
+
+/// Fronts that are factored.
+struct Factored<const SIDES: usize> {
+    parts: Vec<Part<SIDES>>,
+    /// What the last front leaves to the next one.
+    remainder: [Vec<f64>; SIDES],
+    /// The place of each unknown in the last front; others have any place.
+    slots: Vec<usize>,
 }
 
 /// The sizes of a front, in tiles.
@@ -148,46 +161,52 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
         matrix: &(impl Couplings<COMPONENTS, SIDES> + Sync),
         fork: &dyn Fork,
     ) -> Result<Self, FactorError> {
-        let starts = elimination.starts().ok_or(FactorError::Memory)?;
-        let task = Task { elimination, matrix, starts: &starts, fork };
-        let fronts = 0..elimination.fronts();
-        let first_half = task.large_halves(&fronts, COMPONENTS).map(|[one, _]| one);
-        let (parts, _) = task.halves(fronts)?;
-        let of_first_half =
-            first_half.map_or(0, |half| parts.partition_point(|part| part.fronts.end <= half.end));
-        Ok(Self { elimination, parts, of_first_half })
+        let unknowns = elimination.len() * COMPONENTS;
+        Self::with_least_half(elimination, matrix, LEAST_HALF.max(unknowns / SMALLEST_SHARE), fork)
     }
 
-    /// Replaces a right-hand side, in the order of the elimination, by the solution. `fork` may solve the two halves below the last
-    /// front at once.
+    fn with_least_half(
+        elimination: &'a Elimination,
+        matrix: &(impl Couplings<COMPONENTS, SIDES> + Sync),
+        least_half: usize,
+        fork: &dyn Fork,
+    ) -> Result<Self, FactorError> {
+        let starts = elimination.starts().ok_or(FactorError::Memory)?;
+        let task = Task { elimination, matrix, starts: &starts, least_half, fork };
+        let fronts = 0..elimination.fronts();
+        let Some(division) = task.divide(&fronts, COMPONENTS) else {
+            let all = task.in_turn(fronts)?;
+            return Ok(Self { elimination, halves: [Vec::new(), Vec::new()], top: all.parts });
+        };
+        let (halves, top) = task.divided(division)?;
+        Ok(Self { elimination, halves, top: top.parts })
+    }
+
+    /// Replaces a right-hand side, in the order of the elimination, by the solution. `fork` may solve the halves at once.
     pub(crate) fn solve(&self, right: &mut [[f64; COMPONENTS]], fork: &dyn Fork) {
         let right = right.as_flattened_mut();
-        let (parts, last) = self.parts.split_at(self.parts.len() - usize::from(self.of_first_half > 0));
-        let (one, other) = parts.split_at(self.of_first_half);
+        let [low_parts, high_parts] = &self.halves;
         let end_of = |parts: &[Part<SIDES>]| {
-            let last = parts.iter().rev().find_map(|part| part.fronts.end.checked_sub(1));
-            last.map_or(0, |front| self.elimination.own(front).end * COMPONENTS)
+            parts.last().map_or(0, |part| self.elimination.own(part.fronts.end - 1).end * COMPONENTS)
         };
-        let (middle, top) = (end_of(one), end_of(other));
+        let (middle, top) = (end_of(low_parts), end_of(high_parts));
         let (halves, above) = right.split_at_mut(top);
         let (low, high) = halves.split_at_mut(middle);
         let mut above_high = vec![0.0; above.len()];
+        let all = top + above.len();
         join(
             fork,
-            || self.forward(one, Values { start: 0, own: low, top, above }),
-            || self.forward(other, Values { start: middle, own: high, top, above: &mut above_high }),
+            || self.forward(low_parts, Values { start: 0, own: low, top, above: &mut *above }),
+            || self.forward(high_parts, Values { start: middle, own: high, top, above: &mut above_high }),
         );
         above.iter_mut().zip(above_high).for_each(|(value, part)| *value += part);
-        let all = right.len();
-        self.forward(last, Values { start: top, own: &mut right[top..], top: all, above: &mut [] });
-        self.backward(last, Values { start: top, own: &mut right[top..], top: all, above: &[] });
-        let (halves, above) = right.split_at_mut(top);
-        let (low, high) = halves.split_at_mut(middle);
+        self.forward(&self.top, Values { start: top, own: &mut *above, top: all, above: &mut [] });
+        self.backward(&self.top, Values { start: top, own: &mut *above, top: all, above: &[] });
         let above = &*above;
         join(
             fork,
-            || self.backward(one, Values { start: 0, own: low, top, above }),
-            || self.backward(other, Values { start: middle, own: high, top, above }),
+            || self.backward(low_parts, Values { start: 0, own: low, top, above }),
+            || self.backward(high_parts, Values { start: middle, own: high, top, above }),
         );
     }
 
@@ -311,60 +330,83 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
 }
 
 impl<Matrix> Task<'_, Matrix> {
-    /// The factor of some fronts that end with the one that the others are added to, and the remainder of this one.
-    fn halves<const COMPONENTS: usize, const SIDES: usize>(
+    /// Factors some fronts, halves of them at once where they are large.
+    fn factored<const COMPONENTS: usize, const SIDES: usize>(
         &self,
         fronts: Range<usize>,
-    ) -> Result<(Vec<Part<SIDES>>, [Vec<f64>; SIDES]), FactorError>
+    ) -> Result<Factored<SIDES>, FactorError>
     where
         Matrix: Couplings<COMPONENTS, SIDES> + Sync,
     {
-        let Some([one, other]) = self.large_halves(&fronts, COMPONENTS) else {
-            let (part, remainder) = self.in_turn(fronts)?;
-            return Ok((vec![part], remainder));
+        let Some(division) = self.divide(&fronts, COMPONENTS) else { return self.in_turn(fronts) };
+        let ([low, high], mut top) = self.divided(division)?;
+        top.parts = low.into_iter().chain(high).chain(top.parts).collect();
+        Ok(top)
+    }
+
+    /// Two halves of some fronts that are not coupled, and the front to which both are added, if there is one; `None` where there are
+    /// no halves that are large enough.
+    fn divide(&self, fronts: &Range<usize>, components: usize) -> Option<[Range<usize>; 3]> {
+        let last = fronts.end.checked_sub(1).filter(|last| fronts.contains(last))?;
+        let place = |front: usize| self.elimination.own(front).end;
+        let (from, to) = (self.elimination.own(fronts.start).start, place(last));
+        let [middle, top] = if self.starts[last] == fronts.start {
+            // Each child ends where the next one starts.
+            let is_divided = self.elimination.children(last) == 2;
+            is_divided.then(|| [self.starts[last - 1], last])?
+        } else {
+            let roots = std::iter::successors(Some(last), |&root| {
+                self.starts[root].checked_sub(1).filter(|root| fronts.contains(root))
+            });
+            let starts = roots.map(|root| self.starts[root]).filter(|&start| start > fronts.start);
+            let middle =
+                starts.min_by_key(|&start| (place(start - 1) - from).abs_diff(to - place(start - 1)))?;
+            [middle, fronts.end]
         };
-        let top = other.end;
-        let children = [one.end - 1, other.end - 1];
-        let (one, other) = join(self.fork, || self.halves(one), || self.halves(other));
-        let ((mut parts, of_one), (more, of_other)) = (one?, other?);
-        parts.extend(more);
-        let mut slots = filled(self.elimination.len(), 0).ok_or(FactorError::Memory)?;
-        let shape = Shape::of::<COMPONENTS>(self.elimination, top);
+        let halves = [fronts.start..middle, middle..top];
+        let unknowns =
+            |half: &Range<usize>| (place(half.end - 1) - self.elimination.own(half.start).start) * components;
+        let [low, high] = halves;
+        let are_large = unknowns(&low).min(unknowns(&high)) >= self.least_half;
+        are_large.then_some([low, high, top..fronts.end])
+    }
+
+    /// Factors two halves and the front to which they are added, if there is one.
+    fn divided<const COMPONENTS: usize, const SIDES: usize>(
+        &self,
+        [low, high, top]: [Range<usize>; 3],
+    ) -> Result<([Vec<Part<SIDES>>; 2], Factored<SIDES>), FactorError>
+    where
+        Matrix: Couplings<COMPONENTS, SIDES> + Sync,
+    {
+        let children = [low.end - 1, high.end - 1];
+        let (low, high) = join(self.fork, || self.factored(low), || self.factored(high));
+        let (low, high) = (low?, high?);
+        let mut slots = low.slots;
+        if top.is_empty() {
+            let remainder = [const { Vec::new() }; SIDES];
+            return Ok(([low.parts, high.parts], Factored { parts: Vec::new(), remainder, slots }));
+        }
+        let shape = Shape::of::<COMPONENTS>(self.elimination, top.start);
         let mut sides = zeros(shape.factor_len())?;
         let mut remainder = zeros(shape.remainder_len())?;
+        let of_children = [&low.remainder, &high.remainder];
         self.front(
-            top,
-            children
-                .into_iter()
-                .zip([&of_one, &of_other].map(|of_half| of_half.each_ref().map(Vec::as_slice))),
+            top.start,
+            children.into_iter().zip(of_children.map(|of_child| of_child.each_ref().map(Vec::as_slice))),
             &mut slots,
             sides.each_mut().map(Vec::as_mut_slice),
             remainder.each_mut().map(Vec::as_mut_slice),
         )?;
-        parts.push(Part { fronts: top..fronts.end, sides });
-        Ok((parts, remainder))
+        let parts = vec![Part { fronts: top, sides }];
+        Ok(([low.parts, high.parts], Factored { parts, remainder, slots }))
     }
 
-    /// The two halves below the last of some fronts; `None` where there are no two, or where one is so small that nothing is gained
-    /// at once.
-    fn large_halves(&self, fronts: &Range<usize>, components: usize) -> Option<[Range<usize>; 2]> {
-        let top = fronts.end.checked_sub(1).filter(|&top| self.starts[top] == fronts.start)?;
-        if self.elimination.children(top) != 2 {
-            return None;
-        }
-        let middle = self.starts[top - 1];
-        let halves = [fronts.start..middle, middle..top];
-        let unknowns = |half: &Range<usize>| {
-            (self.elimination.own(half.end - 1).end - self.elimination.own(half.start).start) * components
-        };
-        halves.iter().all(|half| unknowns(half) >= LEAST_HALF).then_some(halves)
-    }
-
-    /// The factor of some fronts, one after the other, and the remainder of the last one.
+    /// Factors some fronts one after the other.
     fn in_turn<const COMPONENTS: usize, const SIDES: usize>(
         &self,
         fronts: Range<usize>,
-    ) -> Result<(Part<SIDES>, [Vec<f64>; SIDES]), FactorError>
+    ) -> Result<Factored<SIDES>, FactorError>
     where
         Matrix: Couplings<COMPONENTS, SIDES>,
     {
@@ -402,7 +444,9 @@ impl<Matrix> Task<'_, Matrix> {
             }
             waiting.push((front, freed));
         }
-        Ok((Part { fronts, sides }, remainders))
+        remainders.iter_mut().for_each(Vec::shrink_to_fit);
+        let parts = if fronts.is_empty() { Vec::new() } else { vec![Part { fronts, sides }] };
+        Ok(Factored { parts, remainder: remainders, slots })
     }
 
     /// Factors a front: the values of the matrix in its columns and the remainders of its children.
@@ -745,8 +789,6 @@ mod tests {
             let matrix = self.random::<COMPONENTS>(SIDES == 1);
             let size = (self.columns, self.rows);
             let elimination = Elimination::new(size, self.reach, COMPONENTS, is_unknown).unwrap();
-            let factor =
-                Factor::<COMPONENTS, SIDES>::new(&elimination, &Dense(matrix.clone()), &InTurn).unwrap();
             let unknowns: Vec<usize> = (0..matrix.nrows()).filter(|at| is_unknown(at / COMPONENTS)).collect();
             if unknowns.is_empty() {
                 return;
@@ -761,13 +803,23 @@ mod tests {
                 dense.lu().solve(&right).unwrap()
             };
             let scalars = |point: u32| std::array::from_fn(|at| point as usize * COMPONENTS + at);
-            let mut found: Vec<[f64; COMPONENTS]> =
-                elimination.order().iter().map(|point| scalars(*point).map(|at| (at as f64).sin())).collect();
-            factor.solve(&mut found, &InTurn);
-            for (row, value) in unknowns.iter().zip(&truth) {
-                let at = elimination.position(row / COMPONENTS).unwrap();
-                let found = found[at][row % COMPONENTS];
-                assert!((found - value).abs() < 1e-12, "{found} for {value}, {COMPONENTS} {SIDES}");
+            // As a whole, and in halves.
+            for least_half in [usize::MAX, 20, 1] {
+                let matrix = Dense(matrix.clone());
+                let factor =
+                    Factor::<COMPONENTS, SIDES>::with_least_half(&elimination, &matrix, least_half, &InTurn);
+                let order = elimination.order().iter();
+                let mut found: Vec<[f64; COMPONENTS]> =
+                    order.map(|point| scalars(*point).map(|at| (at as f64).sin())).collect();
+                factor.unwrap().solve(&mut found, &InTurn);
+                for (row, value) in unknowns.iter().zip(&truth) {
+                    let at = elimination.position(row / COMPONENTS).unwrap();
+                    let found = found[at][row % COMPONENTS];
+                    assert!(
+                        (found - value).abs() < 1e-12,
+                        "{found} for {value}, {COMPONENTS} {SIDES} {least_half}"
+                    );
+                }
             }
         }
     }

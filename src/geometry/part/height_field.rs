@@ -11,7 +11,7 @@ use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::solid::Solid;
 use super::solid::frame::Placement;
 use super::solid::rays::{FaceHit, HIDDEN, SeenSolid, Start, first_of};
-use crate::geometry::fork::{Fork, InTurn, found, in_pieces, join, mapped, whole};
+use crate::geometry::fork::{Fork, InTurn, found, in_pieces, join, mapped, start};
 use crate::geometry::space::{Extents, View, ViewPoint};
 
 /// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
@@ -250,7 +250,7 @@ impl<'f> FacingPart<'f> {
     pub fn with_fork(mesh: &TriMesh, view: &View, fork: &'f dyn Fork) -> Self {
         // The table of continuing sides is large and no longer needed.
         let mesh =
-            whole(fork, || SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) });
+            start(fork, || SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) });
         // Each vertex is a corner of a triangle.
         let extents = Extents::of(mesh.positions.iter().map(|position| position.coords.xy()));
         Self { fork, mesh, faces: None, extents }
@@ -298,6 +298,10 @@ impl<'f> FacingPart<'f> {
 
     /// Samples, for every node of the grid, the point of the curved triangles that is nearest to the laser.
     pub fn sample(&self, grid: &Grid) -> PartSamples {
+        start(self.fork, || self.sampled_at(grid))
+    }
+
+    fn sampled_at(&self, grid: &Grid) -> PartSamples {
         let (hits, doubled) = match &self.faces {
             Some(faces) => exact_hits(faces, grid, self.fork),
             None => self.hits(grid),
@@ -667,20 +671,20 @@ fn exact_hits(solid: &SeenSolid, grid: &Grid, fork: &dyn Fork) -> (NodeHits, Sec
     let faces: Vec<_> = solid.from_top().into_iter().map(|face| (face, ranges(face))).collect();
     // What is seen at each node, and the distance of a second skin behind it.
     let seen = in_pieces(fork, 0..grid.rows, LEAST_ROWS, &|rows| {
-        let mut found: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.columns];
+        let mut faces_hit: Vec<Vec<FaceHit>> = vec![Vec::new(); grid.columns];
         let mut seen = Vec::with_capacity(rows.len() * grid.columns);
         for row in rows {
-            found.iter_mut().for_each(Vec::clear);
+            faces_hit.iter_mut().for_each(Vec::clear);
             for (face, [in_columns, in_rows]) in &faces {
                 if in_rows.contains(&row) {
                     let mut start = Start::default();
                     for column in in_columns.clone() {
                         let at = grid.position(column, row).coords();
-                        solid.faces()[*face].hits(*face as u32, at, &mut start, &mut found[column]);
+                        solid.faces()[*face].hits(*face as u32, at, &mut start, &mut faces_hit[column]);
                     }
                 }
             }
-            seen.extend(found.iter().map(|found| exact_hit(found)));
+            seen.extend(faces_hit.iter().map(|hits| exact_hit(hits)));
         }
         seen
     });

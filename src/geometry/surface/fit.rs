@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
-use crate::geometry::fork::{Fork, InTurn, found, join, whole};
+use crate::geometry::fork::{Fork, InTurn, found, join, start};
 use crate::geometry::height_field::{
     FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Uncertainty,
 };
@@ -203,7 +203,7 @@ impl FittedSurface {
     /// When too little of the part faces the laser, when its width is less than 1/1000 of its length as the laser
     /// sees it, or when the equations cannot be solved; see [`FitError`].
     pub fn of_part(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
-        whole(part.fork(), || Self::fitted(part, options))
+        start(part.fork(), || Self::fitted(part, options))
     }
 
     fn fitted(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
@@ -266,17 +266,17 @@ impl FittedSurface {
             let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
             Some((node, tangent(sampled, *known), known.norm_squared()))
         };
-        let found: Vec<(usize, f64, f64)> = found(fork, columns * rows, off);
+        let slopes_off: Vec<(usize, f64, f64)> = found(fork, columns * rows, off);
         let is_notable =
             |&(_, off, steep): &(usize, f64, f64)| off > NEGLIGIBLE_SLOPE * (1.0 + steep).powi(3);
-        if !found.iter().any(is_notable) {
+        if !slopes_off.iter().any(is_notable) {
             return self;
         }
         let values =
-            found.iter().map(|there| (there.0, [there.1 * there.1, f64::from(is_notable(there)), 1.0]));
+            slopes_off.iter().map(|there| (there.0, [there.1 * there.1, f64::from(is_notable(there)), 1.0]));
         let sums = Sums::of(columns, rows, values);
         self.uncertainties.resize(columns * rows, Uncertainty::NONE);
-        for (node, off, _) in found.into_iter().filter(is_notable) {
+        for (node, off, _) in slopes_off.into_iter().filter(is_notable) {
             // It is a largest value. At an edge of the part the slope jumps itself, so that no larger one is between the nodes.
             let times = if is_at_edge.get(node) == Some(&true) { 1.0 } else { BETWEEN_NODES };
             let of_jump = times * off / Uncertainty::PEAK;

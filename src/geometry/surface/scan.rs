@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point3, Vector2};
 
-use crate::geometry::fork::{Fork, InTurn, whole};
+use crate::geometry::fork::{Fork, InTurn, start};
 use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty};
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
@@ -127,7 +127,7 @@ impl SmoothedScan {
         let points_left = points.len();
         drop(points);
         let smooth = |region: Region| -> Result<(Region, Smoothed), ScanError> {
-            let smoothed = whole(fork, || penalised::smooth(&region, &seen.cells, smoothing, fork))?;
+            let smoothed = start(fork, || penalised::smooth(&region, &seen.cells, smoothing, fork))?;
             Ok((region, smoothed))
         };
         let surfaces = seen.regions.into_iter().map(smooth).collect::<Result<Vec<_>, _>>()?;

@@ -37,7 +37,7 @@ const LEAST_ALONE: f64 = 0.01;
 /// An edge that leaves its side by less than this, mm, is straight.
 const LEAST_BEND: f64 = 1e-5;
 
-/// Triangles whose sides are looked at at once: what is found of them needs little memory.
+/// Triangles whose sides are looked at together: what is found of so many needs little memory.
 const BLOCK: usize = 1 << 16;
 
 /// How two facets meet at a side.

@@ -14,7 +14,7 @@ use super::hidden_arcs::HiddenArc;
 use super::plane_curve::CurveStrip;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
-use crate::geometry::fork::{Fork, InTurn, found, look_ahead};
+use crate::geometry::fork::{Fork, found, look_ahead};
 
 /// Sides are parallel where their ends are off by at most so many times what vertices may be off, and they lean by less than
 /// the second, rad. Facets whose normals leave a right angle with the rulings by less contain them.
@@ -144,7 +144,7 @@ fn certain_strips(
                 strips.push(Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden));
                 return true;
             }
-            let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round);
+            let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round, fork);
             if !surroundings.confirm(&strip, &mut around) {
                 return true;
             }
@@ -328,6 +328,7 @@ impl<'a> Strip<'a> {
         triangles: Vec<usize>,
         estimated: &[bool],
         is_round: &[bool],
+        fork: &dyn Fork,
     ) -> (Self, Vec<bool>, Vec<f64>) {
         let mut vertices: Vec<u32> =
             triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]).collect();
@@ -359,7 +360,7 @@ impl<'a> Strip<'a> {
             continued: sides.map(|side| continued(side).unwrap_or(NONE)).collect(),
             ..SmoothMesh::default()
         };
-        let (missing, deviations) = alone.complete_normals(&InTurn);
+        let (missing, deviations) = alone.complete_normals(fork);
         for normal in
             alone.normals.iter_mut().zip(&missing).filter_map(|(normal, missing)| missing.then_some(normal))
         {
