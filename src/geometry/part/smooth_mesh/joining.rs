@@ -19,6 +19,7 @@ use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::flats;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, NEGLIGIBLE_RISE, refined_normal};
+use crate::geometry::rounding;
 use crate::geometry::space::View;
 
 /// The same where the file's normals were averaged to look smooth and the facets on both sides are about equally wide: that
@@ -207,6 +208,7 @@ impl SmoothMesh {
             continued: opposite,
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
+            rounding: rounding::deviation(mesh.positions()),
             creases: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals();
@@ -288,6 +290,7 @@ impl SmoothMesh {
             continued: vec![NONE; facets.len() * 3],
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
+            rounding: 0.0,
             creases: Vec::new(),
         }
     }
@@ -324,7 +327,10 @@ impl SmoothMesh {
             spread(&mut is_near, &self.triangles, 1);
             let around = Neighbours::of_chosen(&self.triangles, &is_near);
             let refine = |&vertex: &u32| {
-                (vertex, refined_normal(&self.positions, &self.normals, &around, vertex as usize))
+                (
+                    vertex,
+                    refined_normal(&self.positions, &self.normals, &around, vertex as usize, self.rounding),
+                )
             };
             refined = bent.iter().map(refine).collect();
             for vertex in arcs::join(self, &refined, &is_missing, &around) {

@@ -1,0 +1,97 @@
+//! Normals of parts with finely cut profiles whose coordinates are rounded, against the formulas of the parts.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Point3, Vector3};
+
+use super::SmoothMesh;
+use crate::geometry::mesh::TriMesh;
+use crate::geometry::space::View;
+
+/// A surface over two parameters, along the profile in mm and from 0 to 1 across it, with its unit normal.
+type Surface<'a> = &'a dyn Fn(f64, f64) -> (Point3<f64>, Vector3<f64>);
+
+/// How a surface is cut into facets.
+struct Cut {
+    /// From one row to the next, mm.
+    step: f64,
+    rows: u32,
+    sectors: u32,
+    /// 0 or 1: along which diagonal; 2: along both in turn.
+    diagonal: u32,
+}
+
+/// The vertices along the profile are about its middle; `write` is what the file states.
+fn mesh(
+    surface: Surface,
+    cut: &Cut,
+    write: impl Fn(Point3<f64>) -> Point3<f64>,
+) -> (SmoothMesh, Vec<Vector3<f64>>) {
+    let Cut { step, rows, sectors, diagonal } = *cut;
+    let (mut positions, mut exact, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 0..=rows {
+        for sector in 0..=sectors {
+            let along = (f64::from(row) - f64::from(rows) / 2.0) * step;
+            let (at, normal) = surface(along, f64::from(sector) / f64::from(sectors));
+            positions.push(write(at));
+            let is_rim = row.min(rows - row) < 4 || sector.min(sectors - sector) < 2;
+            exact.push(if is_rim { Vector3::zeros() } else { normal });
+            if row > 0 && sector > 0 {
+                let d = row * (sectors + 1) + sector;
+                let [a, b, c] = [d - sectors - 2, d - sectors - 1, d - 1];
+                match diagonal == 1 || diagonal == 2 && (row + sector) % 2 == 1 {
+                    true => triangles.extend([[a, c, b], [b, c, d]]),
+                    false => triangles.extend([[a, c, d], [a, d, b]]),
+                }
+            }
+        }
+    }
+    let mesh = TriMesh::new(positions, Vec::new(), triangles).unwrap();
+    (SmoothMesh::new(&mesh, &View::top()), exact)
+}
+
+/// The largest angle between the normals of a mesh and the exact ones of its first vertices, rad, where there are any.
+fn largest_error((mesh, exact): &(SmoothMesh, Vec<Vector3<f64>>)) -> f64 {
+    let inner = exact.iter().zip(&mesh.normals).filter(|(exact, _)| **exact != Vector3::zeros());
+    inner.map(|(exact, normal)| exact.angle(normal)).fold(0.0, f64::max)
+}
+
+/// The upper half of a part turned about the x axis, by its radius and the slope of that.
+fn turned(profile: impl Fn(f64) -> [f64; 2]) -> impl Fn(f64, f64) -> (Point3<f64>, Vector3<f64>) {
+    move |along, share| {
+        let ([radius, slope], angle) = (profile(along), (share - 0.5) * TAU / 2.0);
+        let outward = Vector3::new(0.0, angle.sin(), angle.cos());
+        let normal = (outward - Vector3::x() * slope).normalize();
+        (Point3::new(along, 0.0, 0.0) + outward * radius, normal)
+    }
+}
+
+fn barrel(along: f64) -> [f64; 2] {
+    let fall = (60.0f64 * 60.0 - along * along).sqrt();
+    [20.0 - 60.0 + fall, -along / fall]
+}
+
+fn rounded(decimals: i32) -> impl Fn(Point3<f64>) -> Point3<f64> {
+    let scale = 10f64.powi(decimals);
+    move |at| at.map(|value| (value * scale).round() / scale)
+}
+
+#[test]
+fn facets_of_turned_parts_that_rounding_lays_in_one_plane_are_no_flat_sides() {
+    let hourglass = |along: f64| {
+        let fall = (50.0f64 * 50.0 - along * along).sqrt();
+        [15.0 + 50.0 - fall, along / fall]
+    };
+    let parts: [Surface; 2] = [&turned(barrel), &turned(hourglass)];
+    for (decimals, step, sectors) in [(3, 0.25, 24), (3, 0.25, 6), (3, 0.1, 16), (2, 0.25, 12), (2, 0.5, 24)]
+    {
+        for (part, diagonal) in parts.into_iter().flat_map(|part| [0, 1, 2].map(|diagonal| (part, diagonal)))
+        {
+            let cut = Cut { step, rows: 60, sectors, diagonal };
+            let error = largest_error(&mesh(part, &cut, rounded(decimals)));
+            // Rounding turns facets along the profile. Half a sector is 0.06 rad and more.
+            let limit = 10f64.powi(-decimals) / step;
+            assert!(error < limit, "{decimals} decimals, {step} mm, {sectors}, {diagonal}: {error} rad");
+        }
+    }
+}
