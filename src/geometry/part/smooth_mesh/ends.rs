@@ -32,6 +32,9 @@ const IN_LINE: f64 = 0.01;
 /// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A surface is so long that an arc as
 /// narrow as theirs would leave it so many times as far as the arcs across its lines.
 const IMPLAUSIBLE: f64 = 12.0;
+/// Lines are straight if an arc that vertices do not show along the surface has at least so many times the radius of those across it.
+/// Others may be a few rings of the fine profile of a turned part.
+const STRAIGHTER: f64 = 50.0;
 /// The share of a rim at which other things than the end of a surface may seem to follow: facets stand unevenly there.
 const UNLIKE: f64 = 0.1;
 /// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a surface that
@@ -164,6 +167,10 @@ impl<'a> Surroundings<'a> {
         let rims = along
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
         let bulge = surface.largest_bulge();
+        let own = rims[1] - rims[0];
+        if own * own * bulge < STRAIGHTER * self.near * self.largest_width(surface).powi(2) {
+            return false;
+        }
         let (mut rim, mut unlike) = (0.0, 0.0);
         for (side, beyond) in ends {
             let corners = self.mesh.corners(beyond / 3).0;
@@ -182,12 +189,22 @@ impl<'a> Surroundings<'a> {
             let next = around.of_vertex(apex as usize).iter().filter_map(|&vertex| place(vertex));
             let next = next.filter(|next| next.distance() > NEXT * first.distance());
             let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
-            let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };
+            let profile = End { first, next, width: width(corners, beyond % 3), own };
             if !profile.is_of_straight(bulge, self.near + surface.doubt(side)) {
                 unlike += length;
             }
         }
         unlike <= UNLIKE * rim
+    }
+
+    /// How wide the facets of a surface are across its lines at most, mm.
+    fn largest_width(&self, surface: &impl Straight) -> f64 {
+        let sides = surface.triangles().iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let width = |side: usize| {
+            let [from, to] = self.mesh.ends(side);
+            (to - from).cross(&surface.ruling(&from)).norm()
+        };
+        sides.map(width).fold(0.0, f64::max)
     }
 
     /// Where a vertex is beyond the rims of a surface, if it is.

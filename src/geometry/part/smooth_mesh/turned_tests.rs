@@ -95,3 +95,18 @@ fn facets_of_turned_parts_that_rounding_lays_in_one_plane_are_no_flat_sides() {
         }
     }
 }
+
+#[test]
+fn a_few_rows_of_a_fine_profile_are_no_extruded_strip() {
+    // The section is an ellipse that shrinks towards both ends.
+    let loft = |along: f64, share: f64| {
+        let size = |along: f64| 1.0 - 0.3 * (along / 30.0).powi(2);
+        let (slope, angle) = (-0.6 * along / 900.0, (share - 0.5) * 2.4);
+        let at = Point3::new(along, 18.0 * size(along) * angle.sin(), 12.0 * size(along) * angle.cos());
+        let lengthwise = Vector3::new(1.0, 18.0 * slope * angle.sin(), 12.0 * slope * angle.cos());
+        let across = Vector3::new(0.0, 18.0 * angle.cos(), -12.0 * angle.sin());
+        (at, lengthwise.cross(&across).normalize())
+    };
+    let error = largest_error(&mesh(&loft, &Cut { step: 0.1, rows: 100, sectors: 12, diagonal: 0 }, |at| at));
+    assert!(error < 0.02, "{error} rad");
+}
