@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Rotation3, Vector3};
 
 use super::SmoothMesh;
 use crate::geometry::mesh::TriMesh;
@@ -109,4 +109,18 @@ fn a_few_rows_of_a_fine_profile_are_no_extruded_strip() {
     };
     let error = largest_error(&mesh(&loft, &Cut { step: 0.1, rows: 100, sectors: 12, diagonal: 0 }, |at| at));
     assert!(error < 0.02, "{error} rad");
+}
+
+#[test]
+fn narrow_rows_of_a_cone_far_from_the_origin_show_no_sphere() {
+    let turn = Rotation3::from_euler_angles(0.0, 0.0, 0.7);
+    let cone = turned(|along| [15.0 + 0.2 * along, 0.2]);
+    let tilted = |along: f64, share: f64| {
+        let (at, normal) = cone(along, share);
+        (turn * at, turn * normal)
+    };
+    let far =
+        |at: Point3<f64>| (at + Vector3::new(9000.0, 6300.0, 2700.0)).map(|value| f64::from(value as f32));
+    let error = largest_error(&mesh(&tilted, &Cut { step: 0.25, rows: 80, sectors: 12, diagonal: 0 }, far));
+    assert!(error < 0.005, "{error} rad");
 }
