@@ -124,3 +124,12 @@ fn narrow_rows_of_a_cone_far_from_the_origin_show_no_sphere() {
     let error = largest_error(&mesh(&tilted, &Cut { step: 0.25, rows: 80, sectors: 12, diagonal: 0 }, far));
     assert!(error < 0.005, "{error} rad");
 }
+
+#[test]
+fn rows_of_a_bottle_shoulder_that_are_parallel_by_rounding_are_no_columns() {
+    let shoulder =
+        turned(|along| [13.0 + 5.0 * (along / 6.0).tanh(), 5.0 / 6.0 / (along / 6.0).cosh().powi(2)]);
+    let error =
+        largest_error(&mesh(&shoulder, &Cut { step: 0.1, rows: 300, sectors: 16, diagonal: 2 }, rounded(3)));
+    assert!(error < 0.02, "{error} rad");
+}
