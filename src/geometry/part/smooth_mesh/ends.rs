@@ -168,7 +168,7 @@ impl<'a> Surroundings<'a> {
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
         let bulge = surface.largest_bulge();
         let own = rims[1] - rims[0];
-        if own * own * bulge < STRAIGHTER * self.near * self.largest_width(surface).powi(2) {
+        if own * own * self.largest_curvature(surface) < 8.0 * STRAIGHTER * self.near {
             return false;
         }
         let (mut rim, mut unlike) = (0.0, 0.0);
@@ -197,14 +197,18 @@ impl<'a> Surroundings<'a> {
         unlike <= UNLIKE * rim
     }
 
-    /// How wide the facets of a surface are across its lines at most, mm.
-    fn largest_width(&self, surface: &impl Straight) -> f64 {
+    /// By how much the normals of a surface turn across its lines at most, rad/mm.
+    fn largest_curvature(&self, surface: &impl Straight) -> f64 {
         let sides = surface.triangles().iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
-        let width = |side: usize| {
+        let curvature = |side: usize| {
             let [from, to] = self.mesh.ends(side);
-            (to - from).cross(&surface.ruling(&from)).norm()
+            let width = (to - from).cross(&surface.ruling(&from)).norm();
+            let corners = self.mesh.triangles[side / 3];
+            let [one, other] =
+                [side % 3, (side % 3 + 1) % 3].map(|corner| self.mesh.normals[corners[corner] as usize]);
+            (2.0 * width > (to - from).norm()).then(|| (other - one).norm() / width)
         };
-        sides.map(width).fold(0.0, f64::max)
+        sides.filter_map(curvature).fold(0.0, f64::max)
     }
 
     /// Where a vertex is beyond the rims of a surface, if it is.
