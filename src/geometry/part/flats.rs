@@ -18,8 +18,10 @@ const PLANE_DISTANCE: f64 = 5e-4;
 const COPLANAR: f64 = 0.9998;
 /// Triangles that their normals bend by less than this, mm, are not changed.
 const NEGLIGIBLE_BEND: f64 = 1e-3;
-/// A vertex is uneven if the width of one of its planes is this many times that of another.
+/// A vertex is uneven if the width of one of its planes is this many times that of another, in the direction in which it turns to it.
 const UNEVEN: f64 = 2.5;
+/// Rounding turns a narrow plane by at most so many times its standard deviation over the width of the plane, rad.
+const BY_CHANCE: f64 = 10.0;
 /// Weight of the previous estimate relative to that of the nearest vertex.
 const PRIOR: f64 = 1e-3;
 /// If a normal deviates from that of its widest plane by less than this share of the narrow facets' turn, it is
@@ -68,13 +70,13 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
     let is_open = estimated.open;
     let spans = Spans::of(mesh, planes);
     let uneven: Vec<usize> =
-        spans.all().filter_map(|(vertex, span)| span.is_uneven().then_some(vertex)).collect();
+        spans.all().filter_map(|(vertex, span)| span.is_uneven.then_some(vertex)).collect();
     if uneven.is_empty() {
         return Vec::new();
     }
     // At a border or within a single plane, a normal is known from one side only.
     let mut is_known = vec![false; mesh.positions.len()];
-    spans.all().for_each(|(vertex, span)| is_known[vertex] = span.turn > 0.0 && !span.is_uneven());
+    spans.all().for_each(|(vertex, span)| is_known[vertex] = span.turn > 0.0 && !span.is_uneven);
     for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
         let corners = mesh.triangles[side / 3];
         (is_known[corners[side % 3] as usize], is_known[corners[(side + 1) % 3] as usize]) = (false, false);
@@ -158,6 +160,8 @@ struct Span {
     widest: u32,
     /// The largest angle between it and another plane, rad.
     turn: f64,
+    /// Whether it turns to a plane that is much narrower in the direction of that turn.
+    is_uneven: bool,
 }
 
 /// The spans of the vertices of planes.
@@ -180,7 +184,7 @@ impl Spans {
         for (vertex, plane) in corners() {
             let width = planes.widths[plane as usize];
             if numbers[vertex] == 0 {
-                spans.push(Span { narrowest: width, width, widest: plane, turn: 0.0 });
+                spans.push(Span { narrowest: width, width, widest: plane, turn: 0.0, is_uneven: false });
                 numbers[vertex] = spans.len() as u32;
                 continue;
             }
@@ -190,12 +194,24 @@ impl Spans {
                 (span.width, span.widest) = (width, plane);
             }
         }
+        let mut uneven: Vec<(u32, [u32; 2])> = Vec::new();
         for (vertex, plane) in corners() {
-            let span = &mut spans[numbers[vertex] as usize - 1];
+            let number = numbers[vertex] - 1;
+            let span = &mut spans[number as usize];
             if plane != span.widest {
                 let angle = planes.normals[plane as usize].angle(&planes.normals[span.widest as usize]);
                 span.turn = span.turn.max(angle);
+                // The width of a strip is half of what is compared.
+                let bend = angle * span.width / 16.0;
+                if span.width > UNEVEN * planes.widths[plane as usize] && bend > NEGLIGIBLE_BEND {
+                    uneven.push((number, [span.widest, plane]));
+                }
             }
+        }
+        let spreads = Spreads::of(mesh, planes, uneven.iter().flat_map(|(_, pair)| *pair));
+        for (number, pair) in uneven {
+            let span = &mut spans[number as usize];
+            span.is_uneven = span.is_uneven || spreads.are_uneven(pair);
         }
         Self { numbers, spans }
     }
@@ -210,9 +226,87 @@ impl Spans {
     }
 }
 
-impl Span {
-    fn is_uneven(&self) -> bool {
-        self.width > UNEVEN * self.narrowest
+/// How far a plane spreads in each direction.
+#[derive(Default)]
+struct Spread {
+    /// mm².
+    area: f64,
+    /// Of the first corner, mm.
+    origin: Vector3<f64>,
+    /// Integrals over the plane of the offset from the origin, mm³, and of its products, mm⁴.
+    offsets: Vector3<f64>,
+    products: Matrix3<f64>,
+}
+
+impl Spread {
+    fn add(&mut self, corners: [Point3<f64>; 3]) {
+        if self.area == 0.0 {
+            self.origin = corners[0].coords;
+        }
+        let [a, b, c] = corners.map(|corner| corner.coords - self.origin);
+        let (area, sum) = ((b - a).cross(&(c - a)).norm() / 2.0, a + b + c);
+        self.area += area;
+        self.offsets += sum * (area / 3.0);
+        let square = |of: Vector3<f64>| of * of.transpose();
+        self.products += (square(a) + square(b) + square(c) + square(sum)) * (area / 12.0);
+    }
+
+    /// How many times as far the plane spreads in a direction as in that in which it is narrowest, root mean square.
+    fn along(&self, direction: Vector3<f64>) -> f64 {
+        let middle = self.offsets / self.area;
+        let variances = self.products / self.area - middle * middle.transpose();
+        // In its plane; the third variance is that of rounding.
+        let half = variances.trace() / 2.0;
+        let square = (4.0 * half * half - variances.norm_squared()) / 2.0;
+        let least = half - (half * half - square).max(0.0).sqrt();
+        let here = direction.dot(&(variances * direction)) / direction.norm_squared();
+        (here / least).max(1.0).sqrt()
+    }
+}
+
+/// The spreads of planes.
+struct Spreads<'a> {
+    mesh: &'a SmoothMesh,
+    planes: &'a Planes,
+    /// For each plane the number of its spread; [`NONE`] where there is none.
+    numbers: Vec<u32>,
+    spreads: Vec<Spread>,
+}
+
+impl<'a> Spreads<'a> {
+    /// Those of the `chosen` planes.
+    fn of(mesh: &'a SmoothMesh, planes: &'a Planes, chosen: impl Iterator<Item = u32>) -> Self {
+        let (mut numbers, mut spreads) = (Vec::new(), Vec::new());
+        for plane in chosen {
+            numbers.resize(planes.normals.len(), NONE);
+            if numbers[plane as usize] == NONE {
+                numbers[plane as usize] = spreads.len() as u32;
+                spreads.push(Spread::default());
+            }
+        }
+        let mut found = Self { mesh, planes, numbers, spreads };
+        if !found.spreads.is_empty() {
+            for (triangle, &plane) in planes.of_triangle.iter().enumerate() {
+                let number = found.numbers.get(plane as usize).copied().unwrap_or(NONE);
+                if let Some(spread) = found.spreads.get_mut(number as usize) {
+                    spread.add(mesh.corners(triangle).0);
+                }
+            }
+        }
+        found
+    }
+
+    /// Whether a wide plane and a narrow one beside it are so in the direction in which the one turns to the other, and rounding does
+    /// not explain this turn. The narrow facets of a turned part with a fine profile are as wide as others round its axis.
+    fn are_uneven(&self, [wide, narrow]: [u32; 2]) -> bool {
+        let normals = [wide, narrow].map(|plane| self.planes.normals[plane as usize]);
+        let turn = normals[1] - normals[0];
+        let width = |plane: u32, normal: Vector3<f64>| {
+            let spread = &self.spreads[self.numbers[plane as usize] as usize];
+            self.planes.widths[plane as usize] * spread.along(turn - normal * normal.dot(&turn))
+        };
+        let narrow = width(narrow, normals[1]);
+        width(wide, normals[0]) > UNEVEN * narrow && turn.norm() * narrow > BY_CHANCE * self.mesh.rounding
     }
 }
 

@@ -4,6 +4,7 @@ pub mod mesh;
 pub mod point_cloud;
 pub(crate) mod adjacency;
 pub mod winding;
+pub(crate) mod rounding;
 pub mod noise;
 pub mod holes;
 pub(crate) mod chord_normals;

@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::adjacency::{NONE, Neighbours};
 use super::mesh::TriMesh;
+use super::rounding;
 
 /// Vertices looked at, at most; those of larger meshes are sampled evenly.
 const SAMPLE: usize = 800;
@@ -45,8 +46,6 @@ const LEAST: f64 = 0.0015;
 /// Scatter below this many steps of the file's numbers is their rounding: its standard deviation is 0.29 steps along an axis
 /// of the file, and at most 0.5 steps across a surface.
 const ROUNDING: f64 = 1.0;
-/// A coordinate is a multiple of a step if it is within this share of the step from one.
-const MULTIPLE: f64 = 0.01;
 
 /// The scatter of a mesh's vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,29 +87,13 @@ pub fn of(mesh: &TriMesh) -> Option<Noise> {
     let spacing = quantile(0.5, |patch| patch.spacing);
     let correlation = quantile(0.5, |patch| patch.correlation);
     let middle = quantile(0.5, |patch| patch.middle);
-    let is_noise = deviation > LEAST.max(MISLEADS * spacing).max(ROUNDING * rounding(mesh))
+    let is_noise = deviation > LEAST.max(MISLEADS * spacing).max(ROUNDING * rounding::step(mesh.positions()))
         && deviation < MOST * spacing
         && upper < ALIKE * lower
         && (INDEPENDENT[0]..INDEPENDENT[1]).contains(&correlation)
         && (NORMAL[0]..NORMAL[1]).contains(&middle)
         && quantile(0.5, |patch| patch.deviation - BEYOND_SAG * patch.sag) > 0.0;
     is_noise.then_some(Noise { deviation, spacing })
-}
-
-/// The step to which the coordinates of a mesh are rounded, mm: the largest decimal part of a millimetre or an inch that all
-/// of them are multiples of; 0 where there is none above a micrometre.
-fn rounding(mesh: &TriMesh) -> f64 {
-    let stride = mesh.positions().len().div_ceil(SAMPLE).max(1);
-    let is_step = |step: f64| {
-        mesh.positions().iter().step_by(stride).all(|at| {
-            at.iter().all(|coordinate| {
-                let multiple = coordinate / step;
-                (multiple - multiple.round()).abs() < MULTIPLE
-            })
-        })
-    };
-    let steps = (0..=3).flat_map(|digits| [1.0, 25.4].map(|unit| unit / 10f64.powi(digits)));
-    steps.filter(|step| *step >= 1e-3 && is_step(*step)).fold(0.0, f64::max)
 }
 
 /// What is shown round some vertices, spread evenly, where no edge runs through; and round how many it was looked for.

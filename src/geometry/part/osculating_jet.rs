@@ -27,6 +27,10 @@ const THIRD: f64 = 0.6;
 const FOURTH: f64 = 0.01;
 const FLOOR: f64 = 1e-6;
 
+/// Rounding turns the normals of neighbours against each other by at most so many times its standard deviation, over the distance of
+/// the nearest vertex, rad.
+const BY_CHANCE: f64 = 3.0;
+
 /// A third derivative that the vertices hardly show is taken to be as large as usual with this weight.
 const UNSEEN: f64 = 0.03;
 /// Noise looks like third derivatives; they are taken to be at most so many times as large as usual.
@@ -41,7 +45,8 @@ pub(super) struct EstimatedNormal {
     pub(super) deviation: f64,
 }
 
-/// A better normal at a vertex; `normals` are the first estimates, unit vectors. A cubic over the estimated tangent
+/// A better normal at a vertex; `normals` are the first estimates, unit vectors, and `rounding` is the standard deviation of the
+/// positions, mm. A cubic over the estimated tangent
 /// plane is fitted to the vertices round it and round its neighbours, and its normal is taken (Cazals & Pouget,
 /// Estimating differential quantities using polynomial fitting of osculating jets, Computer Aided Geometric Design
 /// 22(2), 2005).
@@ -61,15 +66,19 @@ pub(super) fn refined_normal(
     normals: &[Vector3<f64>],
     around: &Neighbours,
     vertex: usize,
+    rounding: f64,
 ) -> EstimatedNormal {
     let (here, normal) = (positions[vertex], normals[vertex]);
     let ring = around.of_vertex(vertex);
     let unchanged = EstimatedNormal { normal, deviation: 0.0 };
     let (mut radius, mut nearest, mut rise) = (f64::INFINITY, f64::INFINITY, 0.0f64);
     for &other in ring {
+        nearest = nearest.min((positions[other as usize] - here).norm());
+    }
+    let by_chance = (BY_CHANCE * rounding / nearest).powi(2);
+    for &other in ring {
         let distance = (positions[other as usize] - here).norm();
-        let turn = (normals[other as usize] - normal).norm();
-        nearest = nearest.min(distance);
+        let turn = ((normals[other as usize] - normal).norm_squared() - by_chance).max(0.0).sqrt();
         rise = rise.max(distance * turn / 8.0);
         if turn > 0.0 {
             radius = radius.min(distance / turn);
@@ -86,6 +95,7 @@ pub(super) fn refined_normal(
     let across = normal.cross(&if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
     let plane = Matrix2x3::from_rows(&[across.transpose(), normal.cross(&across).transpose()]);
     let near = nearest / radius;
+    let floor = FLOOR + rounding / radius;
     let (slope, third, fourth) = (SLOPE * near, THIRD / near, FOURTH / (near * near));
     let usual = [slope, slope, SECOND, SECOND, SECOND, third, third, third, third];
     let expected = SVector::<f64, COEFFICIENTS>::from(usual.map(|usual| usual.powi(-2)));
@@ -119,7 +129,7 @@ pub(super) fn refined_normal(
             x * y.powi(3) / 6.0,
             y.powi(4) / 24.0,
         ];
-        let weight = (fourth * square * square + FLOOR).powi(-2);
+        let weight = (fourth * square * square + floor).powi(-2);
         for (sum, factor) in sums.iter_mut().zip(row.into_iter().chain(others)) {
             let weighted = weight * factor;
             sum.iter_mut().zip(row).for_each(|(sum, value)| *sum += weighted * value);

@@ -20,6 +20,8 @@ mod slopes;
 mod spheres;
 mod straightest;
 mod strips;
+#[cfg(test)]
+mod turned_tests;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
@@ -62,6 +64,8 @@ pub struct SmoothMesh {
     /// For each triangle, how far the slope of the part may be from that of its curved patch, rad (`slopes`); empty if all
     /// facets are small.
     pub slope_doubts: Vec<f32>,
+    /// Standard deviation of the positions by the rounding of the file's numbers, mm.
+    pub(super) rounding: f64,
     /// Edges of the part that only the facets show: one entry for each of the two sides, in ascending order of the
     /// sides.
     pub(super) creases: Vec<Crease>,

@@ -33,6 +33,9 @@ const IN_LINE: f64 = 0.01;
 /// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A surface is so long that an arc as
 /// narrow as theirs would leave it so many times as far as the arcs across its lines.
 const IMPLAUSIBLE: f64 = 12.0;
+/// Lines are straight if an arc that vertices do not show along the surface has at least so many times the radius of those across it.
+/// Others may be a few rings of the fine profile of a turned part.
+const STRAIGHTER: f64 = 50.0;
 /// The share of a rim at which other things than the end of a surface may seem to follow: facets stand unevenly there.
 const UNLIKE: f64 = 0.1;
 /// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a surface that
@@ -165,6 +168,10 @@ impl<'a> Surroundings<'a> {
         let rims = along
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
         let bulge = surface.largest_bulge();
+        let own = rims[1] - rims[0];
+        if own * own * self.largest_curvature(surface) < 8.0 * STRAIGHTER * self.near {
+            return false;
+        }
         let (mut rim, mut unlike) = (0.0, 0.0);
         for (side, beyond) in ends {
             let corners = self.mesh.corners(beyond / 3).0;
@@ -183,12 +190,26 @@ impl<'a> Surroundings<'a> {
             let next = around.of_vertex(apex as usize).iter().filter_map(|&vertex| place(vertex));
             let next = next.filter(|next| next.distance() > NEXT * first.distance());
             let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
-            let profile = End { first, next, width: width(corners, beyond % 3), own: rims[1] - rims[0] };
+            let profile = End { first, next, width: width(corners, beyond % 3), own };
             if !profile.is_of_straight(bulge, self.near + surface.doubt(side)) {
                 unlike += length;
             }
         }
         unlike <= UNLIKE * rim
+    }
+
+    /// By how much the normals of a surface turn across its lines at most, rad/mm.
+    fn largest_curvature(&self, surface: &impl Straight) -> f64 {
+        let sides = surface.triangles().iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
+        let curvature = |side: usize| {
+            let [from, to] = self.mesh.ends(side);
+            let width = (to - from).cross(&surface.ruling(&from)).norm();
+            let corners = self.mesh.triangles[side / 3];
+            let [one, other] =
+                [side % 3, (side % 3 + 1) % 3].map(|corner| self.mesh.normals[corners[corner] as usize]);
+            (2.0 * width > (to - from).norm()).then(|| (other - one).norm() / width)
+        };
+        sides.filter_map(curvature).fold(0.0, f64::max)
     }
 
     /// Where a vertex is beyond the rims of a surface, if it is.

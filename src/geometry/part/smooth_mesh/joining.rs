@@ -20,6 +20,7 @@ use crate::geometry::flats;
 use crate::geometry::fork::{Fork, InTurn, found, join, mapped};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::osculating_jet::{EstimatedNormal, NEGLIGIBLE_RISE, refined_normal};
+use crate::geometry::rounding;
 use crate::geometry::space::View;
 
 /// The same where the file's normals were averaged to look smooth and the facets on both sides are about equally wide: that
@@ -243,6 +244,7 @@ impl SmoothMesh {
             continued: opposite,
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
+            rounding: rounding::deviation(mesh.positions()),
             creases: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals(fork);
@@ -324,6 +326,7 @@ impl SmoothMesh {
             continued: vec![NONE; facets.len() * 3],
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
+            rounding: 0.0,
             creases: Vec::new(),
         }
     }
@@ -360,7 +363,9 @@ impl SmoothMesh {
             spread(&mut is_near, &self.triangles, 1);
             let around = Neighbours::of_chosen(&self.triangles, &is_near);
             let refine = |vertex: u32| {
-                (vertex, refined_normal(&self.positions, &self.normals, &around, vertex as usize))
+                let normal =
+                    refined_normal(&self.positions, &self.normals, &around, vertex as usize, self.rounding);
+                (vertex, normal)
             };
             refined = found(fork, bent.len(), |index| Some(refine(bent[index])));
             for vertex in arcs::join(self, &refined, &is_missing, &around) {

@@ -547,6 +547,9 @@ impl Rows {
                 (size > 1).then(|| count - 1)
             })
             .collect();
+        if count < LEAST_POINTS {
+            return None;
+        }
         let column = |vertex: usize| numbers[set_of[vertex] as usize];
         let mut points: Vec<Option<Point3<f64>>> = vec![None; count];
         for (vertex, &at) in vertices.iter().enumerate() {
@@ -593,7 +596,7 @@ impl Rows {
             is_in[next] = true;
             order.push(next);
         }
-        if order.len() < count || count < LEAST_POINTS {
+        if order.len() < count {
             return None;
         }
         // The facets show the outside.

@@ -4,7 +4,7 @@
 //! where these are on one sphere, to within what files state of them, and so are others that can be reached from there, it is that of
 //! the part.
 
-use nalgebra::{Matrix4, Point3, Vector3, Vector4};
+use nalgebra::{Matrix2, Matrix4, Point3, Vector2, Vector3, Vector4};
 
 use super::SmoothMesh;
 use super::ends::{Surface, Surroundings, precision};
@@ -223,11 +223,18 @@ fn ball_at(mesh: &SmoothMesh, around: &Neighbours, vertex: usize, near: f64) -> 
     // Vertices of a narrow row show no sphere.
     let own = mesh.positions[vertex];
     let (first, second) = cross_directions(&sphere.outward(&own));
-    let reach = |direction: Vector3<f64>| {
-        let along = points.iter().map(|point| (point - own).dot(&direction));
+    let steps = || {
+        let steps = points.iter().map(|point| point - own);
+        steps.map(|step| Vector2::new(step.dot(&first), step.dot(&second)))
+    };
+    let spread: Matrix2<f64> = steps().map(|step| step * step.transpose()).sum();
+    let reach = |direction: Vector2<f64>| {
+        let along = steps().map(|step| step.dot(&direction));
         along.fold([0.0f64; 2], |[low, high], along| [low.max(-along), high.max(along)])
     };
-    let least = [first, second].map(reach).into_iter().flatten().fold(f64::INFINITY, f64::min);
+    let axes = spread.symmetric_eigen().eigenvectors;
+    let reaches = [0, 1].map(|axis| reach(axes.column(axis).into_owned()));
+    let least = reaches.into_iter().flatten().fold(f64::INFINITY, f64::min);
     if least * least < 2.0 * LEAST_BULGE * near * sphere.radius {
         return None;
     }

@@ -358,6 +358,7 @@ impl<'a> Strip<'a> {
                 .collect(),
             regions: vec![0; triangles.len()],
             continued: sides.map(|side| continued(side).unwrap_or(NONE)).collect(),
+            rounding: mesh.rounding,
             ..SmoothMesh::default()
         };
         let (missing, deviations) = alone.complete_normals(fork);

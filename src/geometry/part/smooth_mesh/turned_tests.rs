@@ -1,0 +1,148 @@
+//! Normals of parts with finely cut profiles whose coordinates are rounded, against the formulas of the parts.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Point3, Rotation3, Vector3};
+
+use super::SmoothMesh;
+use crate::geometry::mesh::TriMesh;
+use crate::geometry::space::View;
+
+/// A surface over two parameters, along the profile in mm and from 0 to 1 across it, with its unit normal.
+type Surface<'a> = &'a dyn Fn(f64, f64) -> (Point3<f64>, Vector3<f64>);
+
+/// How a surface is cut into facets.
+struct Cut {
+    /// From one row to the next, mm.
+    step: f64,
+    rows: u32,
+    sectors: u32,
+    /// 0 or 1: along which diagonal; 2: along both in turn.
+    diagonal: u32,
+}
+
+/// The vertices along the profile are about its middle; `write` is what the file states.
+fn mesh(
+    surface: Surface,
+    cut: &Cut,
+    write: impl Fn(Point3<f64>) -> Point3<f64>,
+) -> (SmoothMesh, Vec<Vector3<f64>>) {
+    let Cut { step, rows, sectors, diagonal } = *cut;
+    let (mut positions, mut exact, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 0..=rows {
+        for sector in 0..=sectors {
+            let along = (f64::from(row) - f64::from(rows) / 2.0) * step;
+            let (at, normal) = surface(along, f64::from(sector) / f64::from(sectors));
+            positions.push(write(at));
+            let is_rim = row.min(rows - row) < 4 || sector.min(sectors - sector) < 2;
+            exact.push(if is_rim { Vector3::zeros() } else { normal });
+            if row > 0 && sector > 0 {
+                let d = row * (sectors + 1) + sector;
+                let [a, b, c] = [d - sectors - 2, d - sectors - 1, d - 1];
+                match diagonal == 1 || diagonal == 2 && (row + sector) % 2 == 1 {
+                    true => triangles.extend([[a, c, b], [b, c, d]]),
+                    false => triangles.extend([[a, c, d], [a, d, b]]),
+                }
+            }
+        }
+    }
+    let mesh = TriMesh::new(positions, Vec::new(), triangles).unwrap();
+    (SmoothMesh::new(&mesh, &View::top()), exact)
+}
+
+/// The largest angle between the normals of a mesh and the exact ones of its first vertices, rad, where there are any.
+fn largest_error((mesh, exact): &(SmoothMesh, Vec<Vector3<f64>>)) -> f64 {
+    let inner = exact.iter().zip(&mesh.normals).filter(|(exact, _)| **exact != Vector3::zeros());
+    inner.map(|(exact, normal)| exact.angle(normal)).fold(0.0, f64::max)
+}
+
+/// The upper half of a part turned about the x axis, by its radius and the slope of that.
+fn turned(profile: impl Fn(f64) -> [f64; 2]) -> impl Fn(f64, f64) -> (Point3<f64>, Vector3<f64>) {
+    move |along, share| {
+        let ([radius, slope], angle) = (profile(along), (share - 0.5) * TAU / 2.0);
+        let outward = Vector3::new(0.0, angle.sin(), angle.cos());
+        let normal = (outward - Vector3::x() * slope).normalize();
+        (Point3::new(along, 0.0, 0.0) + outward * radius, normal)
+    }
+}
+
+fn barrel(along: f64) -> [f64; 2] {
+    let fall = (60.0f64 * 60.0 - along * along).sqrt();
+    [20.0 - 60.0 + fall, -along / fall]
+}
+
+fn rounded(decimals: i32) -> impl Fn(Point3<f64>) -> Point3<f64> {
+    let scale = 10f64.powi(decimals);
+    move |at| at.map(|value| (value * scale).round() / scale)
+}
+
+#[test]
+fn facets_of_turned_parts_that_rounding_lays_in_one_plane_are_no_flat_sides() {
+    let hourglass = |along: f64| {
+        let fall = (50.0f64 * 50.0 - along * along).sqrt();
+        [15.0 + 50.0 - fall, along / fall]
+    };
+    let parts: [Surface; 2] = [&turned(barrel), &turned(hourglass)];
+    for (decimals, step, sectors) in [(3, 0.25, 24), (3, 0.25, 6), (3, 0.1, 16), (2, 0.25, 12), (2, 0.5, 24)]
+    {
+        for (part, diagonal) in parts.into_iter().flat_map(|part| [0, 1, 2].map(|diagonal| (part, diagonal)))
+        {
+            let cut = Cut { step, rows: 60, sectors, diagonal };
+            let error = largest_error(&mesh(part, &cut, rounded(decimals)));
+            // Rounding turns facets along the profile. Half a sector is 0.06 rad and more.
+            let limit = 10f64.powi(-decimals) / step;
+            assert!(error < limit, "{decimals} decimals, {step} mm, {sectors}, {diagonal}: {error} rad");
+        }
+    }
+}
+
+#[test]
+fn a_few_rows_of_a_fine_profile_are_no_extruded_strip() {
+    // The section is an ellipse that shrinks towards both ends.
+    let loft = |along: f64, share: f64| {
+        let size = |along: f64| 1.0 - 0.3 * (along / 30.0).powi(2);
+        let (slope, angle) = (-0.6 * along / 900.0, (share - 0.5) * 2.4);
+        let at = Point3::new(along, 18.0 * size(along) * angle.sin(), 12.0 * size(along) * angle.cos());
+        let lengthwise = Vector3::new(1.0, 18.0 * slope * angle.sin(), 12.0 * slope * angle.cos());
+        let across = Vector3::new(0.0, 18.0 * angle.cos(), -12.0 * angle.sin());
+        (at, lengthwise.cross(&across).normalize())
+    };
+    let error = largest_error(&mesh(&loft, &Cut { step: 0.1, rows: 100, sectors: 12, diagonal: 0 }, |at| at));
+    assert!(error < 0.02, "{error} rad");
+}
+
+#[test]
+fn narrow_rows_of_a_cone_far_from_the_origin_show_no_sphere() {
+    let turn = Rotation3::from_euler_angles(0.0, 0.0, 0.7);
+    let cone = turned(|along| [15.0 + 0.2 * along, 0.2]);
+    let tilted = |along: f64, share: f64| {
+        let (at, normal) = cone(along, share);
+        (turn * at, turn * normal)
+    };
+    let far =
+        |at: Point3<f64>| (at + Vector3::new(9000.0, 6300.0, 2700.0)).map(|value| f64::from(value as f32));
+    let error = largest_error(&mesh(&tilted, &Cut { step: 0.25, rows: 80, sectors: 12, diagonal: 0 }, far));
+    assert!(error < 0.005, "{error} rad");
+}
+
+#[test]
+fn rows_of_a_bottle_shoulder_that_are_parallel_by_rounding_are_no_columns() {
+    let shoulder =
+        turned(|along| [13.0 + 5.0 * (along / 6.0).tanh(), 5.0 / 6.0 / (along / 6.0).cosh().powi(2)]);
+    let error =
+        largest_error(&mesh(&shoulder, &Cut { step: 0.1, rows: 300, sectors: 16, diagonal: 2 }, rounded(3)));
+    assert!(error < 0.02, "{error} rad");
+}
+
+#[test]
+fn sectors_that_are_many_rows_wide_meet_at_no_edges() {
+    let dome = |along: f64| {
+        let radius = (22.0f64 * 22.0 - along * along).sqrt();
+        [radius, -along / radius]
+    };
+    let cut = |diagonal| Cut { step: 0.25, rows: 120, sectors: 6, diagonal };
+    for (decimals, diagonal) in [(6, 0), (3, 1), (3, 2)] {
+        let error = largest_error(&mesh(&turned(dome), &cut(diagonal), rounded(decimals)));
+        assert!(error < 0.005, "{decimals} decimals, {diagonal}: {error} rad");
+    }
+}
