@@ -6,8 +6,8 @@ use crate::geometry::adjacency::NONE;
 
 /// Pieces that are shorter than this, mm, have no direction.
 const SHORT: f64 = 0.01;
-/// Facets looked at on each side of a step, at most: a section through the sectors of a turned part crosses many rows of its profile.
-const MOST_BESIDE: usize = 128;
+/// Facets looked at on each side of a step, at most.
+const MOST_BESIDE: usize = 16;
 /// Facets looked at behind a vertex, at most.
 const MOST_BEHIND: usize = 64;
 

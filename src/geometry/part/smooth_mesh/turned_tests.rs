@@ -133,16 +133,3 @@ fn rows_of_a_bottle_shoulder_that_are_parallel_by_rounding_are_no_columns() {
         largest_error(&mesh(&shoulder, &Cut { step: 0.1, rows: 300, sectors: 16, diagonal: 2 }, rounded(3)));
     assert!(error < 0.02, "{error} rad");
 }
-
-#[test]
-fn sectors_that_are_many_rows_wide_meet_at_no_edges() {
-    let dome = |along: f64| {
-        let radius = (22.0f64 * 22.0 - along * along).sqrt();
-        [radius, -along / radius]
-    };
-    let cut = |diagonal| Cut { step: 0.25, rows: 120, sectors: 6, diagonal };
-    for (decimals, diagonal) in [(6, 0), (3, 1), (3, 2)] {
-        let error = largest_error(&mesh(&turned(dome), &cut(diagonal), rounded(decimals)));
-        assert!(error < 0.005, "{decimals} decimals, {diagonal}: {error} rad");
-    }
-}
