@@ -18,7 +18,8 @@ const PLANE_DISTANCE: f64 = 5e-4;
 const COPLANAR: f64 = 0.9998;
 /// Triangles that their normals bend by less than this, mm, are not changed.
 const NEGLIGIBLE_BEND: f64 = 1e-3;
-/// A vertex is uneven if the width of one of its planes is this many times that of another, in the direction in which it turns to it.
+/// A vertex is uneven if the width of one of its planes is this many times that of another; in files of rounded numbers, in the
+/// direction in which it turns to it.
 const UNEVEN: f64 = 2.5;
 /// Rounding turns a narrow plane by at most so many times its standard deviation over the width of the plane, rad.
 const BY_CHANCE: f64 = 10.0;
@@ -160,7 +161,7 @@ struct Span {
     widest: u32,
     /// The largest angle between it and another plane, rad.
     turn: f64,
-    /// Whether it turns to a plane that is much narrower in the direction of that turn.
+    /// Whether another plane is much narrower, see [`UNEVEN`].
     is_uneven: bool,
 }
 
@@ -201,6 +202,11 @@ impl Spans {
             if plane != span.widest {
                 let angle = planes.normals[plane as usize].angle(&planes.normals[span.widest as usize]);
                 span.turn = span.turn.max(angle);
+                // Without rounding, what is in one plane is one facet.
+                if mesh.rounding == 0.0 {
+                    span.is_uneven = span.width > UNEVEN * span.narrowest;
+                    continue;
+                }
                 // The width of a strip is half of what is compared.
                 let bend = angle * span.width / 16.0;
                 if span.width > UNEVEN * planes.widths[plane as usize] && bend > NEGLIGIBLE_BEND {
