@@ -9,6 +9,7 @@ use super::SmoothMesh;
 use super::plane_facets::PlaneFacets;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side, width};
 use crate::geometry::fork::Fork;
+use crate::geometry::rounding;
 
 /// Vertices on a surface are this close to it, mm, or …
 const ON: f64 = 1e-4;
@@ -16,8 +17,6 @@ const ON: f64 = 1e-4;
 const DIGITS: f64 = 1e-6;
 /// Programs that round coordinates round them to this, mm, at least. What coarser rounding leaves is not exact enough.
 const DECIMAL: f64 = 1e-3;
-/// Numbers of single precision are off by at most this share.
-const SINGLE: f64 = 1e-7;
 /// Facets beyond the end of a surface continue it, straight, where they lean along its lines by less than this, rad.
 const STRAIGHT: f64 = 1e-3;
 /// The arc of a profile that the facets of a surface may be part of has chords of about the same length; a surface is at least so
@@ -48,12 +47,10 @@ pub(super) fn precision(mesh: &SmoothMesh) -> f64 {
     ON.max(DIGITS * largest)
 }
 
-/// How far rounding may have moved vertices whose coordinates in mm all have at most three decimals, mm; 0 if one has more.
+/// How far rounding may have moved vertices whose coordinates have three decimals, mm; 0 if they are rounded otherwise.
 pub(super) fn rounding(positions: &[Point3<f64>]) -> f64 {
-    let largest = positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
-    let off = |value: f64| (value - (value / DECIMAL).round() * DECIMAL).abs();
-    let is_rounded = positions.iter().flat_map(|at| at.iter()).all(|value| off(*value) <= SINGLE * largest);
-    if is_rounded { 3f64.sqrt() * DECIMAL / 2.0 } else { 0.0 }
+    let step = rounding::step(positions);
+    if step == DECIMAL { 3f64.sqrt() * step / 2.0 } else { 0.0 }
 }
 
 /// A surface that a group of facets shows.
