@@ -34,29 +34,37 @@ pub struct Cores;
 /// Whether work is in the threads. Other work stays in its own thread meanwhile: it would have to wait for all halves of the first.
 static ARE_BUSY: AtomicBool = AtomicBool::new(false);
 
+/// The threads, for one work at a time.
+struct Claimed(&'static ThreadPool);
+
+impl Claimed {
+    /// `None` where there are no threads, where work is in them, and within them.
+    fn claim() -> Option<Self> {
+        let threads = threads().filter(|_| !is_within())?;
+        (!ARE_BUSY.swap(true, Ordering::Acquire)).then_some(Self(threads))
+    }
+}
+
+impl Drop for Claimed {
+    /// Also after a panic.
+    fn drop(&mut self) {
+        ARE_BUSY.store(false, Ordering::Release);
+    }
+}
+
 impl Fork for Cores {
     fn start(&self, work: &mut (dyn FnMut() + Send)) {
-        /// Frees the threads, also after a panic.
-        struct Busy;
-
-        impl Drop for Busy {
-            fn drop(&mut self) {
-                ARE_BUSY.store(false, Ordering::Release);
-            }
-        }
-
-        match threads() {
-            Some(threads) if !is_within() && !ARE_BUSY.swap(true, Ordering::Acquire) => {
-                let _busy = Busy;
-                threads.install(work);
-            }
-            _ => work(),
+        match Claimed::claim() {
+            Some(Claimed(threads)) => threads.install(work),
+            None => work(),
         }
     }
 
     fn both(&self, one: &mut (dyn FnMut() + Send), other: &mut (dyn FnMut() + Send)) {
         if is_within() {
             rayon_core::join(one, other);
+        } else if let Some(Claimed(threads)) = Claimed::claim() {
+            threads.join(one, other);
         } else {
             InTurn.both(one, other);
         }

@@ -40,6 +40,9 @@ const SKINS: [f64; 2] = [0.05, 2e-3];
 // A hidden face must not be a second skin.
 const _: () = assert!(HIDDEN > SKINS[0]);
 
+/// A mesh with more triangles is large.
+const LARGE: usize = 300_000;
+
 /// Rows of nodes at which exact faces are looked for at once, at least.
 const LEAST_ROWS: usize = 4;
 
@@ -249,8 +252,9 @@ impl<'f> FacingPart<'f> {
     /// [`FacingPart::new`]; `fork` may do halves of the work on this part at once.
     pub fn with_fork(mesh: &TriMesh, view: &View, fork: &'f dyn Fork) -> Self {
         // The table of continuing sides is large and no longer needed.
-        let mesh =
-            start(fork, || SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) });
+        let smooth = || SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) };
+        // Threads do not share the memory that they free, and large meshes take much of it.
+        let mesh = if mesh.triangles().len() > LARGE { smooth() } else { start(fork, smooth) };
         // Each vertex is a corner of a triangle.
         let extents = Extents::of(mesh.positions.iter().map(|position| position.coords.xy()));
         Self { fork, mesh, faces: None, extents }
