@@ -83,6 +83,7 @@ const MODULES: &[(&str, &[&str])] = &[
             "reason",
             "formats",
             "config",
+            "cores",
             "files",
             "cache",
             "preview",

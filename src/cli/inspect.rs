@@ -14,6 +14,7 @@ use super::outcome::{Failure, Outcome, print, print_json};
 use super::progress::ProgressLine;
 use super::set::{SetArguments, add_options, refuse_options_of_other_formats, useless_to_an_inspection};
 use crate::config::{IncidenceLimits, JobSettings, Losses, Overrides, PartSettings, parse_facing};
+use crate::cores::Cores;
 use crate::formats;
 use crate::formats::mesh::{
     self, FaceKind, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
@@ -108,7 +109,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
             };
             if let Some(mesh) = reading.shape.mesh() {
                 let limit = IncidenceLimits::default().refuse;
-                let sides = Side::all(mesh, limit);
+                let sides = Side::all(mesh, limit, &Cores);
                 reading.facts.sides = SideFacts::of_all(&sides);
                 let named = overrides
                     .has("part.facing")

@@ -8,6 +8,7 @@ use super::scan::surface_of;
 use super::{Clock, LearnedPart, Pipeline, PipelineError, Step, checks, hash};
 use crate::cache::{CacheKey, CachedSurface, CurrentPart, FitTask, Lookup, PartOrigin};
 use crate::config::{IncidenceLimits, PartSettings, Sku, canonical};
+use crate::cores::Cores;
 use crate::formats::Pace;
 use crate::formats::mesh::{
     self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, PartFile,
@@ -109,7 +110,8 @@ impl Pipeline {
             clock.lap("read part");
             steps.at(Step::Fit);
             if let Some(mesh) = reading.shape.mesh() {
-                reading.facts.sides = SideFacts::of_all(&Side::all(mesh, IncidenceLimits::default().refuse));
+                reading.facts.sides =
+                    SideFacts::of_all(&Side::all(mesh, IncidenceLimits::default().refuse, &Cores));
             }
             let surface =
                 surface_of(&reading.shape, &mut reading.facts, settings, &self.fit).map_err(rejected)?;

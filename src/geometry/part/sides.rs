@@ -6,6 +6,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::adjacency::turn_in_view;
 use super::mesh::TriMesh;
+use crate::geometry::fork::{Fork, in_pieces};
 use crate::geometry::space::{Extents, Facing, MarkingFrame, View};
 
 /// The sides along the axes of the part, in the order in which they are listed.
@@ -172,10 +173,12 @@ impl Side {
         }
     }
 
-    /// The six sides of [`SIDES`].
-    pub fn all(mesh: &TriMesh, limit: f64) -> Vec<Self> {
+    /// The six sides of [`SIDES`]; `fork` may look at halves of them at once.
+    pub fn all(mesh: &TriMesh, limit: f64, fork: &dyn Fork) -> Vec<Self> {
         let view = |direction| View::new(Facing::towards(direction).unwrap_or(Facing::TOP), 0.0);
-        SIDES.iter().map(|(_, direction)| Self::seen(mesh, &view(*direction), limit)).collect()
+        in_pieces(fork, 0..SIDES.len(), 1, &|sides| {
+            SIDES[sides].iter().map(|(_, direction)| Self::seen(mesh, &view(*direction), limit)).collect()
+        })
     }
 
     /// For each side, whether it is probably the one to be marked: those with the largest area, of the curved sides if one
