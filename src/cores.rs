@@ -34,28 +34,34 @@ pub struct Cores;
 /// Whether work is in the threads. Other work stays in its own thread meanwhile: it would have to wait for all halves of the first.
 static ARE_BUSY: AtomicBool = AtomicBool::new(false);
 
-/// The threads, for one work at a time.
-struct Claimed(&'static ThreadPool);
+/// Keeps a flag set.
+struct Busy<'f>(&'f AtomicBool);
 
-impl Claimed {
-    /// `None` where there are no threads, where work is in them, and within them.
-    fn claim() -> Option<Self> {
-        let threads = threads().filter(|_| !is_within())?;
-        (!ARE_BUSY.swap(true, Ordering::Acquire)).then_some(Self(threads))
+impl<'f> Busy<'f> {
+    /// `None` where the flag is set.
+    fn claim(flag: &'f AtomicBool) -> Option<Self> {
+        // Not `then_some`: a value that is not wanted would clear the flag when it is dropped.
+        (!flag.swap(true, Ordering::Acquire)).then(|| Self(flag))
     }
 }
 
-impl Drop for Claimed {
+impl Drop for Busy<'_> {
     /// Also after a panic.
     fn drop(&mut self) {
-        ARE_BUSY.store(false, Ordering::Release);
+        self.0.store(false, Ordering::Release);
     }
+}
+
+/// The threads, for one work at a time; `None` where there are none, where work is in them, and within them.
+fn free_threads() -> Option<(&'static ThreadPool, Busy<'static>)> {
+    let threads = threads().filter(|_| !is_within())?;
+    Some((threads, Busy::claim(&ARE_BUSY)?))
 }
 
 impl Fork for Cores {
     fn start(&self, work: &mut (dyn FnMut() + Send)) {
-        match Claimed::claim() {
-            Some(Claimed(threads)) => threads.install(work),
+        match free_threads() {
+            Some((threads, _busy)) => threads.install(work),
             None => work(),
         }
     }
@@ -63,7 +69,7 @@ impl Fork for Cores {
     fn both(&self, one: &mut (dyn FnMut() + Send), other: &mut (dyn FnMut() + Send)) {
         if is_within() {
             rayon_core::join(one, other);
-        } else if let Some(Claimed(threads)) = Claimed::claim() {
+        } else if let Some((threads, _busy)) = free_threads() {
             threads.join(one, other);
         } else {
             InTurn.both(one, other);
@@ -95,6 +101,15 @@ mod tests {
     use crate::geometry::shapes;
     use crate::geometry::space::View;
     use crate::geometry::surface::fit::{FitOptions, FittedSurface};
+
+    #[test]
+    fn only_who_has_set_the_flag_clears_it() {
+        let flag = AtomicBool::new(false);
+        let first = Busy::claim(&flag);
+        assert!(first.is_some() && Busy::claim(&flag).is_none() && Busy::claim(&flag).is_none());
+        drop(first);
+        assert!(Busy::claim(&flag).is_some() && Busy::claim(&flag).is_some());
+    }
 
     #[test]
     fn halves_at_once_have_the_result_of_halves_in_turn() {
