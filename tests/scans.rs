@@ -13,7 +13,7 @@ use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::FittedSurface;
 use isomark::geometry::surface::scan::{ScanError, ScanQuality, SmoothedScan, Smoothing};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Vector2, Vector3};
 
 /// Random numbers that are the same on every system.
 struct Random(u64);
@@ -102,6 +102,78 @@ fn automatic_smoothing_is_close_to_the_best_one() {
         // Without smoothing, the reference has 1.18 mm.
         let (rough, _) = smoothed(points, Smoothing::None);
         assert!(judged(&rough, shapes::mandarin, MANDARIN_AT).length_error > 3.0 * found);
+    }
+}
+
+/// Points of a surface at random places of a square with a side of 40 mm.
+fn at_random(count: usize, height: fn(f64, f64) -> f64) -> Vec<Point3<f64>> {
+    let mut random = Random(count as u64);
+    let mut along = move || 40.0 * random.uniform() - 20.0;
+    (0..count).map(|_| (along(), along())).map(|(x, y)| Point3::new(x, y, height(x, y))).collect()
+}
+
+/// The root mean squares of the error of the slope in the middle of a scan, and of what is reported as unknown of it.
+fn slope_errors(points: Vec<Point3<f64>>, height: fn(f64, f64) -> f64) -> [f64; 2] {
+    let scan =
+        SmoothedScan::new(&PointCloud::new(points, Vec::new()), &View::top(), Smoothing::Auto).unwrap();
+    let surface = FittedSurface::of_field(scan.field.clone()).unwrap();
+    let (mut sums, mut count) = ([0.0; 2], 0.0);
+    for (column, row, _) in scan.field.surface_nodes() {
+        let at = scan.field.position(column, row);
+        if at.x.abs() > 8.0 || at.y.abs() > 5.0 {
+            continue;
+        }
+        let difference = |x: f64, y: f64| (height(at.x + x, at.y + y) - height(at.x - x, at.y - y)) / 2e-5;
+        let slope = Vector2::new(difference(1e-5, 0.0), difference(0.0, 1e-5));
+        let unknown = f64::from(scan.uncertainties[row * scan.field.size().0 + column].slope);
+        let errors = [(surface.nurbs.gradient(at) - slope).norm(), unknown];
+        sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error * error);
+        count += 1.0;
+    }
+    sums.map(|sum| (sum / count).sqrt())
+}
+
+/// A tube with a radius of 12 mm round a ring, on a plate.
+fn tube(x: f64, y: f64) -> f64 {
+    (144.0 - (x.hypot(y - 40.0) - 40.0).powi(2)).max(0.0).sqrt()
+}
+
+/// Two slopes that meet within about 1 mm.
+fn ridge(x: f64, _: f64) -> f64 {
+    8.0 - 0.5 * x.hypot(1.0)
+}
+
+/// Waves 9.4 mm long and 0.6 mm high.
+fn waves(x: f64, y: f64) -> f64 {
+    0.3 * (x / 1.5).cos() * (y / 1.5).cos()
+}
+
+#[test]
+fn what_sparse_points_leave_open_is_reported() {
+    for (name, height) in
+        [("tube", tube as fn(f64, f64) -> f64), ("ridge", ridge), ("waves", waves), ("mouse", shapes::mouse)]
+    {
+        for count in [150, 300, 600, 1_500] {
+            // With fewer points, the waves look like noise.
+            if name == "waves" && count < 600 {
+                continue;
+            }
+            let [error, unknown] = slope_errors(at_random(count, height), height);
+            assert!(unknown > 0.6 * error, "{name}, {count} points: {error}, reported {unknown}");
+            assert!(unknown < 4.0 * error + 0.1, "{name}, {count} points: {error}, reported {unknown}");
+        }
+    }
+}
+
+#[test]
+fn points_that_are_there_twice_count_once() {
+    for height in [shapes::sphere as fn(f64, f64) -> f64, tube] {
+        let once = at_random(3_000, height);
+        let twice: Vec<Point3<f64>> = once.iter().chain(&once).copied().collect();
+        let scan = |points| {
+            SmoothedScan::new(&PointCloud::new(points, Vec::new()), &View::top(), Smoothing::Auto).unwrap()
+        };
+        assert!(scan(twice) == scan(once));
     }
 }
 
@@ -265,7 +337,10 @@ fn points_that_form_no_surface_are_refused_with_the_reason() {
     assert!(matches!(refused(vec![Point3::origin()]), ScanError::TooFewPoints { points: 1, .. }));
     assert!(matches!(refused(line(20)), ScanError::TooFewPoints { points: 20, .. }));
     assert!(matches!(refused(line(500)), ScanError::NoArea { .. }));
-    assert!(matches!(refused(vec![Point3::new(1.0, 2.0, 3.0); 500]), ScanError::NoArea { .. }));
+    assert!(matches!(
+        refused(vec![Point3::new(1.0, 2.0, 3.0); 500]),
+        ScanError::TooFewPoints { points: 1, .. }
+    ));
     let cloud = (0..2000).map(|_| Point3::from([(); 3].map(|()| 1e4 * random.uniform())));
     let error = refused(cloud.collect());
     assert!(matches!(error, ScanError::NoSurface { .. }), "{error}");

@@ -443,6 +443,11 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
         ),
         true => "Delete stray lines far from the drawing, or check its unit; `isomark inspect` shows its content."
             .to_owned(),
+        false if part.facts.scan.is_some() && around.contains(at.coords()) => {
+            "Move the drawing (`place_mm`, `--place`), or, if only points are missing there, bridge the gap: `bridge_mm` under [part] \
+             (`--bridge`) is the width of the widest gap that is bridged."
+                .to_owned()
+        }
         false => "Move the drawing (`place_mm`, `--place`), make it smaller, or check which side of the part faces the \
                   laser (`facing`)."
             .to_owned(),

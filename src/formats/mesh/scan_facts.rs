@@ -9,7 +9,7 @@ use crate::geometry::surface::scan::{ScanQuality, ScanRegion, Smoothing};
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct ScanFacts {
-    /// Number of measured points.
+    /// Number of measured points; those at the place of another do not count.
     pub points: usize,
     /// Number of points that the surface was fitted to.
     pub used: usize,

@@ -11,10 +11,12 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point3, Vector2};
 
-use crate::geometry::fork::{Fork, InTurn, start};
+use crate::geometry::adjacency::weld;
+use crate::geometry::fork::{Fork, InTurn, mapped, start};
 use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty};
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
+use crate::geometry::surface::nurbs::NurbsSurface;
 
 pub use error::ScanError;
 use penalised::Smoothed;
@@ -43,6 +45,9 @@ const AT_POINT: f64 = 0.5;
 /// Noise that is left and bend that smoothing adds, in units of the former.
 const SMOOTHING_AND_NOISE: f64 = 1.5;
 
+/// How much more than the differences between the surfaces of all points and of every other one may be open.
+const OF_HALVES: f64 = 1.25;
+
 /// A smoothed scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SmoothedScan {
@@ -58,7 +63,7 @@ pub struct SmoothedScan {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ScanQuality {
-    /// Number of points.
+    /// Number of points; those at the place of another do not count.
     pub points: usize,
     /// Number of points used for a surface.
     pub used: usize,
@@ -123,6 +128,7 @@ impl SmoothedScan {
         let points = cloud.points().iter().enumerate().filter(|(at, _)| !faces_away(*at));
         let points: Vec<Point3<f64>> = points.map(|(_, &point)| view.point(point)).collect();
         let away = cloud.points().len() - points.len();
+        let points = without_copies(points);
         let seen = visible::separate_surfaces(&points)?;
         let points_left = points.len();
         drop(points);
@@ -140,15 +146,20 @@ impl SmoothedScan {
         let (field, owners) = sampled(&surfaces, &seen.cells, widest);
         let of_surfaces: Vec<Uncertainty> =
             regions.iter().map(|region| region.uncertainty(seen.cells.spacing())).collect();
-        let of_owner = |&owner: &usize| of_surfaces.get(owner).copied().unwrap_or(Uncertainty::NONE);
-        let uncertainties = owners.iter().map(of_owner).collect();
+        let at_node = |node: usize| {
+            let Some((_, smoothed)) = surfaces.get(owners[node]) else { return Uncertainty::NONE };
+            let columns = field.size().0;
+            of_surfaces[owners[node]]
+                .largest(between_points(smoothed, field.position(node % columns, node / columns)))
+        };
+        let uncertainties = mapped(fork, owners.len(), at_node);
         let used = regions.iter().map(|region| region.points).sum();
         let hidden = away + seen.hidden;
         let quality = ScanQuality {
-            points: cloud.points().len(),
+            points: points_left + away,
             used,
             hidden,
-            dropped: cloud.points().len() - used - hidden,
+            dropped: points_left + away - used - hidden,
             spacing: seen.cells.spacing(),
             step: field.step(),
             regions,
@@ -186,6 +197,28 @@ impl ScanRegion {
             departure_at: smoothed.departure.1,
         }
     }
+}
+
+/// The points without those at the place of one before: one measurement, or the corner of several triangles.
+fn without_copies(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
+    let mut places = weld(&points).into_iter();
+    let mut next = 0;
+    points.retain(|_| {
+        let is_first = places.next() == Some(next);
+        next += u32::from(is_first);
+        is_first
+    });
+    points
+}
+
+/// How far the surface may be from the part between its points: what every other point leaves open is no less than what all leave.
+fn between_points(smoothed: &Smoothed, at: ViewPoint) -> Uncertainty {
+    let (height, gradient) = (smoothed.nurbs.height(at), smoothed.nurbs.gradient(at));
+    let from = |half: &NurbsSurface| Uncertainty {
+        slope: (OF_HALVES * (half.gradient(at) - gradient).norm()) as f32,
+        height: (OF_HALVES * (half.height(at) - height).abs()) as f32,
+    };
+    smoothed.of_halves.iter().map(from).fold(Uncertainty::NONE, Uncertainty::largest)
 }
 
 /// The height field of all surfaces: nodes that have points of a surface on all sides, within `widest` mm or a few points; and for

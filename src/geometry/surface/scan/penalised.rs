@@ -49,6 +49,8 @@ const SIGNIFICANT: f64 = 6.0;
 /// A smoothed surface and the statistics of its points.
 pub(super) struct Smoothed {
     pub(super) nurbs: NurbsSurface,
+    /// The surfaces of every other point, and of the others.
+    pub(super) of_halves: Vec<NurbsSurface>,
     /// Standard deviation of the points from the surface, mm.
     pub(super) noise: f64,
     /// Wavelength that is halved, mm.
@@ -168,7 +170,7 @@ impl<'a> Problem<'a> {
     fn settle(&self, weights: &mut Vec<f64>, smoothing: Smoothing) -> Result<Fit, ScanError> {
         let first = FIRST_LOOK * self.knots_x.step();
         let hardly_any = HARDLY_ANY * self.knots_x.step();
-        let mut weighted = self.weighted(weights);
+        let mut weighted = self.weighted(weights, PROBES);
         let mut fit = match smoothing {
             Smoothing::LowPass { wavelength } => self.fit(&weighted, None, wavelength)?,
             Smoothing::Auto | Smoothing::None => self.fit(&weighted, None, first)?,
@@ -177,7 +179,7 @@ impl<'a> Problem<'a> {
             let next = self.reweighed(&fit);
             let moved = weights.iter().zip(&next).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             *weights = next;
-            weighted = self.weighted(weights);
+            weighted = self.weighted(weights, PROBES);
             let before = fit.wavelength;
             fit = match smoothing {
                 Smoothing::Auto => self.best(&weighted, &fit)?,
@@ -226,11 +228,12 @@ impl<'a> Problem<'a> {
         Ok(best)
     }
 
-    fn weighted(&self, weights: &[f64]) -> Weighted {
+    /// The equations, with at most [`PROBES`] random sign vectors.
+    fn weighted(&self, weights: &[f64], probes: usize) -> Weighted {
         let means = self.means(weights);
         let (columns, rows) = (self.knots_x.control_points(), self.knots_y.control_points());
         let mut equations = NormalEquations::new(columns, rows);
-        let mut probes = vec![vec![[0.0]; columns * rows]; PROBES];
+        let mut probes = vec![vec![[0.0]; columns * rows]; probes];
         let span = |mean: &Mean| (self.knots_x.span(mean.point.x), self.knots_y.span(mean.point.y));
         let mut number = 0;
         for run in means.chunk_by(|a, b| span(a) == span(b)) {
@@ -283,7 +286,8 @@ impl<'a> Problem<'a> {
 
     /// The spline that halves waves of this length, with the score n RSS / (n − tr A)² (Craven & Wahba, Smoothing noisy
     /// data with spline functions, Numerische Mathematik 1979, eq. 1.9). The trace is the mean of vᵀAv over fixed
-    /// random signs v (Hutchinson, A stochastic estimator of the trace of the influence matrix, Commun. Statist. 1990).
+    /// random signs v (Hutchinson, A stochastic estimator of the trace of the influence matrix, Commun. Statist. 1990). Without signs
+    /// there is no score.
     fn fit(
         &self,
         weighted: &Weighted,
@@ -395,7 +399,19 @@ impl<'a> Problem<'a> {
         let left = (1.0 - fit.freedom / used as f64).max(1e-3);
         let noise = median(&mut sizes).unwrap_or(0.0) * TO_DEVIATION / left.sqrt();
         let departure = self.departure(&residuals, &is_used, noise);
-        Smoothed { nurbs: fit.nurbs, noise, wavelength: fit.wavelength, used, is_used, departure }
+        let of_halves = [0, 1].into_iter().filter_map(|half| self.half(&fit, weights, half)).collect();
+        Smoothed { nurbs: fit.nurbs, of_halves, noise, wavelength: fit.wavelength, used, is_used, departure }
+    }
+
+    /// The surface of every other point, smoothed in the same way; `None` where it cannot be found.
+    fn half(&self, fit: &Fit, weights: &[f64], half: usize) -> Option<NurbsSurface> {
+        let mut of_half = vec![0.0; weights.len()];
+        // Every other point from bin to bin: neighbours in different halves.
+        for &at in self.order.iter().filter(|&&at| weights[at as usize] > 0.0).skip(half).step_by(2) {
+            of_half[at as usize] = weights[at as usize];
+        }
+        let fit = self.fit(&self.weighted(&of_half, 0), Some(&fit.nurbs), fit.wavelength).ok()?;
+        Some(fit.nurbs)
     }
 
     /// The largest mean deviation of the points round a cell that noise does not explain, and its position.
