@@ -1,6 +1,8 @@
 //! Coarse tessellations on which nothing shows how the part runs between the vertices: the report covers what it may be. The truth
 //! are the circles that the profiles are made of, and ruled surfaces between them.
 
+use std::f64::consts::TAU;
+
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shading;
@@ -143,6 +145,28 @@ fn corners_of_facets_that_do_not_quite_meet_are_one_vertex() {
         let twice = TriMesh::new(positions, Vec::new(), triangles).unwrap();
         let miss = largest_miss(&twice, [20.0, 20.0], height);
         assert!(miss < 1e-3, "copy {apart}: {miss}");
+    }
+}
+
+/// The sides of a rod about the y axis, `length` long and without normals, in 48 facets.
+fn rod(radius: f64, length: f64) -> TriMesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for facet in 0..48 {
+        let angle = f64::from(facet) * TAU / 48.0 + 0.03;
+        let end = |y: f64| Point3::new(radius * angle.sin(), y, radius * angle.cos());
+        positions.extend([end(-length / 2.0), end(length / 2.0)]);
+        let [a, b] = [2 * facet, 2 * ((facet + 1) % 48)];
+        triangles.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
+    }
+    TriMesh::new(positions, Vec::new(), triangles).unwrap()
+}
+
+#[test]
+fn long_rods_are_as_round_as_short_ones() {
+    let height = |x: f64, _: f64| (25.0 - x * x).sqrt();
+    for length in [30.0, 100.0, 300.0, 450.0, 600.0, 1000.0, 2000.0] {
+        let miss = largest_miss(&rod(5.0, length), [3.0, 10.0], height);
+        assert!(miss < 2e-3, "{length}: {miss}");
     }
 }
 
