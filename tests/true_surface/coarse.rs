@@ -170,6 +170,22 @@ fn long_rods_are_as_round_as_short_ones() {
     }
 }
 
+/// Three or four samples across a rod interpolate each other, whatever is between them.
+#[test]
+fn rods_that_are_far_apart_are_reported_with_what_few_samples_leave_open() {
+    let height = |x: f64, _: f64| (2500.0 - x * x).sqrt();
+    let mut failures = Vec::new();
+    for (length, apart) in [(1500.0, 6000.0), (4500.0, 2000.0), (5500.0, 2000.0), (5500.0, 4000.0)] {
+        let rod = rod(50.0, length);
+        let other = rod.positions().iter().map(|at| at + Vector3::x() * apart);
+        let positions = rod.positions().iter().copied().chain(other).collect();
+        let triangles = rod.triangles().iter().flat_map(|triangle| [*triangle, triangle.map(|at| at + 96)]);
+        let rods = TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap();
+        check(&format!("two rods of {length} mm, {apart} mm apart"), &rods, height, &mut failures);
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
 #[test]
 fn exact_normals_at_the_borders_of_an_arc_are_not_shading() {
     for radius in [60.0, 102.0, 122.0] {

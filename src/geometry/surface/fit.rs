@@ -270,10 +270,15 @@ impl FittedSurface {
             if !is_surface(node) || column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
                 return None;
             }
-            let beside = [node - 1, node + 1, node - columns, node + columns];
-            let known = slopes.get(node).filter(|_| beside.into_iter().all(is_surface))?;
-            let [left, right, below, above] = beside.map(|node| self.differences[node]);
-            let between = Vector2::new(right - left, above - below) / (2.0 * step);
+            // At the end of the surface, what is between the nodes on one side of it.
+            let rise = |low: usize, high: usize| {
+                let ends = [low, high].map(|beside| if is_surface(beside) { beside } else { node });
+                let steps = ends.iter().filter(|end| **end != node).count();
+                let [low, high] = ends.map(|end| self.differences[end]);
+                (steps > 0).then(|| (high - low) / (steps as f64 * step))
+            };
+            let known = slopes.get(node)?;
+            let between = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
             let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
             Some((node, tangent(sampled, *known), known.norm_squared()))
         };
