@@ -1,10 +1,12 @@
 //! Coarse tessellations on which nothing shows how the part runs between the vertices: the report covers what it may be. The truth
 //! are the circles that the profiles are made of, and ruled surfaces between them.
 
+use std::f64::consts::TAU;
+
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shading;
-use isomark::geometry::space::View;
+use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::{Point3, Vector3};
 
@@ -93,6 +95,95 @@ fn cylinder(radius: f64, facets: u32, rows: u32) -> TriMesh {
         }
     }
     TriMesh::new(positions, normals, triangles).unwrap()
+}
+
+/// The same mesh without normals, in which each triangle has corners of its own, up to `apart` from where they were along each axis,
+/// mm.
+fn with_corners_apart(mesh: &TriMesh, apart: f64) -> TriMesh {
+    let mut state = 1u64;
+    let mut shift = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        apart * (2.0 * (state >> 40) as f64 / (1u64 << 24) as f64 - 1.0)
+    };
+    let corners = mesh.triangles().iter().flat_map(|triangle| mesh.corners(*triangle));
+    let positions: Vec<_> = corners.map(|at| at + Vector3::new(shift(), shift(), shift())).collect();
+    let triangles = (0..mesh.triangles().len() as u32).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]);
+    TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap()
+}
+
+/// How far the surface of a mesh is from the exact heights at points within `reach` of the middle, mm.
+fn largest_miss(mesh: &TriMesh, reach: [f64; 2], height: impl Fn(f64, f64) -> f64) -> f64 {
+    let surface = FittedSurface::of_part(&FacingPart::new(mesh, &View::top()), &FitOptions::default());
+    let surface = surface.unwrap();
+    let steps = -20..=20;
+    let at =
+        steps.clone().flat_map(|x| steps.clone().map(move |y| [x, y].map(|step| f64::from(step) / 20.0)));
+    let miss = |[x, y]: [f64; 2]| {
+        let (x, y) = (x * reach[0], y * reach[1]);
+        surface
+            .sampled_height(ViewPoint::new(x, y))
+            .map_or(f64::INFINITY, |found| (found - height(x, y)).abs())
+    };
+    at.map(miss).fold(0.0, f64::max)
+}
+
+/// Programs turn and move each face, facet or copy in numbers of 32 bits.
+#[test]
+fn corners_of_facets_that_do_not_quite_meet_are_one_vertex() {
+    let radius = 33.0;
+    let height = |x: f64, _: f64| (radius * radius - x * x).sqrt() - radius;
+    let whole = cylinder(radius, 16, 6);
+    for apart in [0.0, 1e-6, 1e-5, 1e-4] {
+        let miss = largest_miss(&with_corners_apart(&whole, apart), [20.0, 20.0], height);
+        assert!(miss < 1e-3, "{apart}: {miss}");
+        let shift = Vector3::new(-apart, apart, apart);
+        let copy = whole.positions().iter().map(|at| at + shift);
+        let positions = whole.positions().iter().copied().chain(copy).collect();
+        let count = whole.positions().len() as u32;
+        let copied = whole.triangles().iter().map(|triangle| triangle.map(|index| index + count));
+        let triangles = whole.triangles().iter().copied().chain(copied).collect();
+        let twice = TriMesh::new(positions, Vec::new(), triangles).unwrap();
+        let miss = largest_miss(&twice, [20.0, 20.0], height);
+        assert!(miss < 1e-3, "copy {apart}: {miss}");
+    }
+}
+
+/// The sides of a rod about the y axis, `length` long and without normals, in 48 facets.
+fn rod(radius: f64, length: f64) -> TriMesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for facet in 0..48 {
+        let angle = f64::from(facet) * TAU / 48.0 + 0.03;
+        let end = |y: f64| Point3::new(radius * angle.sin(), y, radius * angle.cos());
+        positions.extend([end(-length / 2.0), end(length / 2.0)]);
+        let [a, b] = [2 * facet, 2 * ((facet + 1) % 48)];
+        triangles.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
+    }
+    TriMesh::new(positions, Vec::new(), triangles).unwrap()
+}
+
+#[test]
+fn long_rods_are_as_round_as_short_ones() {
+    let height = |x: f64, _: f64| (25.0 - x * x).sqrt();
+    for length in [30.0, 100.0, 300.0, 450.0, 600.0, 1000.0, 2000.0] {
+        let miss = largest_miss(&rod(5.0, length), [3.0, 10.0], height);
+        assert!(miss < 2e-3, "{length}: {miss}");
+    }
+}
+
+/// Three or four samples across a rod interpolate each other, whatever is between them.
+#[test]
+fn rods_that_are_far_apart_are_reported_with_what_few_samples_leave_open() {
+    let height = |x: f64, _: f64| (2500.0 - x * x).sqrt();
+    let mut failures = Vec::new();
+    for (length, apart) in [(1500.0, 6000.0), (4500.0, 2000.0), (5500.0, 2000.0), (5500.0, 4000.0)] {
+        let rod = rod(50.0, length);
+        let other = rod.positions().iter().map(|at| at + Vector3::x() * apart);
+        let positions = rod.positions().iter().copied().chain(other).collect();
+        let triangles = rod.triangles().iter().flat_map(|triangle| [*triangle, triangle.map(|at| at + 96)]);
+        let rods = TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap();
+        check(&format!("two rods of {length} mm, {apart} mm apart"), &rods, height, &mut failures);
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
 }
 
 #[test]

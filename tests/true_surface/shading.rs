@@ -198,6 +198,22 @@ fn averaged_normals_distort_neither_flat_sides_nor_cylinders() {
 }
 
 #[test]
+fn averages_are_recognised_where_corners_of_facets_do_not_quite_meet() {
+    for (name, weight) in WEIGHTS {
+        let reading = read_bar(&shaded_bar(&rounded(5.0, 2), 30.0, weight));
+        let whole = mesh_of(&reading);
+        let corners = whole.triangles().as_flattened();
+        let shift = |corner: usize| Vector3::from_fn(|axis, _| 1e-5 * ((corner * 7 + axis * 3) % 5) as f64);
+        let at = |(corner, vertex): (usize, &u32)| whole.positions()[*vertex as usize] + shift(corner);
+        let positions: Vec<_> = corners.iter().enumerate().map(at).collect();
+        let normals = corners.iter().map(|vertex| whole.normals()[*vertex as usize]).collect();
+        let triangles = (0..whole.triangles().len() as u32).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]);
+        let apart = TriMesh::new(positions, normals, triangles.collect()).unwrap();
+        assert!(shading::only_shade(&apart), "{name}");
+    }
+}
+
+#[test]
 fn slivers_distort_no_cylinder_and_cause_no_doubt() {
     const SIDES: u32 = 24;
     let on = |side: u32, radius: f64, y: f64| {

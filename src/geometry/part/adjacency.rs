@@ -2,9 +2,15 @@
 
 use nalgebra::{Point3, Vector3};
 
-/// Positions closer together than this, mm, are treated as one vertex: exporters repeat vertices at face borders, and
-/// the precision of a 32-bit float is 0.00002 mm on a part of 200 mm.
-const WELD_DISTANCE: f64 = 1e-4;
+use super::disjoint_sets::DisjointSets;
+
+/// Positions closer together than this, mm, are one place: exporters repeat vertices at face borders and in every facet, and
+/// the copies differ by what 32-bit floats, and turning and moving a body, leave: 0.00002 mm on a part of 200 mm. It is less than
+/// the last of three decimals.
+pub(super) const WELD_DISTANCE: f64 = 5e-4;
+
+/// Size of the cells in which positions are looked up, mm: few positions are near the border of one.
+const WELD_CELL: f64 = 16.0 * WELD_DISTANCE;
 
 /// The normal of a triangle whose smallest height is less than this, mm, is not reliable.
 const SLIVER: f64 = 0.005;
@@ -12,12 +18,77 @@ const SLIVER: f64 = 0.005;
 /// Marks a missing index, such as that of a side or a vertex.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// For each position, the number of its place, from 0 in the order of first appearance; positions in one weld cell
-/// share a place.
+/// For each position, the number of its place, from 0 in the order of first appearance. Positions closer together than
+/// [`WELD_DISTANCE`] share a place, and so do those that others between them connect in such steps.
 pub(crate) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
-    numbered(positions.len(), |index| {
-        positions[index].coords.map(|value| (value / WELD_DISTANCE).round() as i64).into()
-    })
+    // Open addressing with at most half of the slots used; each slot holds the first item at its position.
+    let mut first = vec![NONE; (positions.len() * 2).next_power_of_two()];
+    let mut numbers = vec![0; positions.len()];
+    let mut count = 0;
+    let mut close: Vec<[u32; 2]> = Vec::new();
+    for (index, here) in positions.iter().enumerate() {
+        let cell = Cell::of(here);
+        let apart = |slot: usize| (positions[first[slot] as usize] - here).norm_squared();
+        if let Some(same) = chain(&first, cell.number).find(|&slot| apart(slot) == 0.0) {
+            numbers[index] = numbers[first[same] as usize];
+            continue;
+        }
+        for number in cell.within_reach() {
+            let reached = chain(&first, number).filter(|&slot| apart(slot) < WELD_DISTANCE * WELD_DISTANCE);
+            close.extend(reached.map(|slot| [numbers[first[slot] as usize], count]));
+        }
+        let free = first_slot(cell.number, first.len()) + chain(&first, cell.number).count();
+        let slots = first.len();
+        first[free & (slots - 1)] = index as u32;
+        numbers[index] = count;
+        count += 1;
+    }
+    if !close.is_empty() {
+        let mut places = DisjointSets::new(count as usize);
+        close.into_iter().for_each(|[one, other]| places.join(one as usize, other as usize));
+        let (places, _) = places.numbered();
+        numbers.iter_mut().for_each(|number| *number = places[*number as usize]);
+    }
+    numbers
+}
+
+/// A cell of the grid in which positions are looked up.
+struct Cell {
+    number: Vector3<i64>,
+    /// Along each axis, the step to the cell beside it that is within [`WELD_DISTANCE`]; 0 if none is.
+    beside: Vector3<i64>,
+}
+
+impl Cell {
+    /// The cell with a position.
+    fn of(position: &Point3<f64>) -> Self {
+        let scaled = position.coords / WELD_CELL;
+        let number = scaled.map(f64::floor);
+        let beside = (scaled - number).map(|share| {
+            i64::from(share > 1.0 - WELD_DISTANCE / WELD_CELL) - i64::from(share < WELD_DISTANCE / WELD_CELL)
+        });
+        Self { number: number.map(|value| value as i64), beside }
+    }
+
+    /// The numbers of the cells with positions within [`WELD_DISTANCE`]: this one, and those beside it.
+    fn within_reach(&self) -> impl Iterator<Item = Vector3<i64>> {
+        let step = |axis: usize| if self.beside[axis] == 0 { 0..1 } else { 0..2 };
+        let steps =
+            step(0).flat_map(move |x| step(1).flat_map(move |y| step(2).map(move |z| Vector3::new(x, y, z))));
+        steps.map(|step| self.number + self.beside.component_mul(&step))
+    }
+}
+
+/// The slots with the items of a cell, among others.
+fn chain(first: &[u32], cell: Vector3<i64>) -> impl Iterator<Item = usize> {
+    let slots = first.len();
+    let start = first_slot(cell, slots);
+    (start..).map(move |slot| slot & (slots - 1)).take_while(|&slot| first[slot] != NONE)
+}
+
+/// Where the items of a cell begin.
+fn first_slot(cell: Vector3<i64>, slots: usize) -> usize {
+    (hash(cell.map(|value| value as u64).into()) >> 20) as usize & (slots - 1)
 }
 
 /// For each of `count` items, the number of its key, from 0 in the order of first appearance.
@@ -47,14 +118,14 @@ pub(crate) fn numbered(count: usize, key: impl Fn(usize) -> [i64; 3]) -> Vec<u32
 
 /// A hash of three numbers, well mixed in its upper bits (Fibonacci hashing: D. E. Knuth, The Art of Computer
 /// Programming 3, 1998, section 6.4).
-pub(super) fn hash(numbers: [u64; 3]) -> u64 {
+fn hash(numbers: [u64; 3]) -> u64 {
     numbers
         .iter()
         .fold(0, |sum: u64, number| (sum.rotate_left(23) ^ number).wrapping_mul(0x9E37_79B9_7F4A_7C15))
 }
 
 /// For each side of each triangle (side 3·t + k runs from corner k to the next), the other side between the same two
-/// vertices; [`NONE`] at a border and where more than two triangles meet.
+/// vertices; [`NONE`] at a border, where more than two triangles meet, and at triangles with two corners at one place.
 pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
     let count = triangles.iter().flatten().max().map_or(0, |last| *last as usize + 1);
     let ends = |side: usize| {
@@ -62,9 +133,11 @@ pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
         // (side + 1) % 3 is the next corner, because 3·t is a multiple of 3.
         (from.min(to), from.max(to))
     };
-    let sides = triangles.len() * 3;
-    let (starts, by_lower) = grouped(count, || (0..sides).map(|side| (ends(side).0, side as u32)));
-    let mut opposite = vec![NONE; sides];
+    // A triangle with two corners at one place is between its neighbours, which are those of each other.
+    let is_between = |[a, b, c]: [u32; 3]| a == b || b == c || c == a;
+    let sides = || (0..triangles.len() * 3).filter(|side| !is_between(triangles[side / 3]));
+    let (starts, by_lower) = grouped(count, || sides().map(|side| (ends(side).0, side as u32)));
+    let mut opposite = vec![NONE; triangles.len() * 3];
     let mut around: Vec<(u32, u32)> = Vec::new();
     for vertex in 0..count {
         let here = &by_lower[starts[vertex] as usize..starts[vertex + 1] as usize];
@@ -72,9 +145,7 @@ pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
         around.extend(here.iter().map(|&side| (ends(side as usize).1, side)));
         around.sort_unstable();
         for run in around.chunk_by(|a, b| a.0 == b.0) {
-            if let [(upper, one), (_, two)] = *run
-                && upper != vertex as u32
-            {
+            if let [(_, one), (_, two)] = *run {
                 (opposite[one as usize], opposite[two as usize]) = (two, one);
             }
         }
@@ -194,6 +265,39 @@ pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn copies_of_a_position_are_one_place_wherever_it_is() {
+        // Nodes of a grid that are anywhere in the cells, each three times, a little apart.
+        let nodes =
+            (-40..40).flat_map(|x| (-3..3).map(move |y| Vector3::new(f64::from(x), f64::from(y), 0.5)));
+        let nodes: Vec<Vector3<f64>> = nodes.map(|node| node * 0.12345).collect();
+        let copies = [Vector3::zeros(), Vector3::new(-2e-4, 1e-4, 3e-4), Vector3::new(1e-4, -2e-4, 1e-4)];
+        let positions: Vec<Point3<f64>> =
+            copies.iter().flat_map(|copy| nodes.iter().map(move |node| Point3::from(node + copy))).collect();
+        let expected: Vec<u32> = (0..3).flat_map(|_| 0..nodes.len() as u32).collect();
+        assert_eq!(weld(&positions), expected);
+    }
+
+    #[test]
+    fn places_are_apart_unless_positions_between_them_connect_them() {
+        for first in [0.0, 0.123, 0.0079, 7.9999, -0.0001] {
+            let along = |steps: &[f64]| -> Vec<u32> {
+                let position = |step: &f64| Point3::new(1.0, first + step, 2.0);
+                weld(&steps.iter().map(position).collect::<Vec<_>>())
+            };
+            assert_eq!(along(&[0.0, 8e-4]), [0, 1], "{first}");
+            assert_eq!(along(&[0.0, 8e-4, 4e-4]), [0, 0, 0], "{first}");
+            assert_eq!(along(&[0.0, 2e-3, 4e-4, 1e-3, 2e-3]), [0, 1, 0, 2, 1], "{first}");
+        }
+    }
+
+    #[test]
+    fn triangles_with_two_corners_at_one_place_do_not_part_their_neighbours() {
+        let opposite = opposite_sides(&[[0, 1, 2], [2, 1, 2], [1, 1, 2], [2, 1, 3]]);
+        assert_eq!((opposite[1], opposite[9]), (9, 1));
+        assert_eq!(opposite.iter().filter(|side| **side != NONE).count(), 2);
+    }
 
     #[test]
     fn neighbours_are_the_vertices_of_common_sides_wherever_they_are_asked_for() {

@@ -2,6 +2,7 @@
 
 pub mod mesh;
 pub mod point_cloud;
+pub(crate) mod disjoint_sets;
 pub(crate) mod adjacency;
 pub mod winding;
 pub(crate) mod rounding;

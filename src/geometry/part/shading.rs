@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, hash, sliver_side, weld};
+use super::adjacency::{NONE, sliver_side, weld};
 use super::chord_normals::{self, Chord};
 use super::flats;
 use super::mesh::TriMesh;
@@ -15,8 +15,6 @@ use crate::geometry::space::View;
 
 /// Maximum number of vertices examined; larger meshes are sampled evenly.
 const SAMPLE: usize = 5_000;
-/// Size of the table that quickly rules out most vertices that were not sampled: many times larger than [`SAMPLE`].
-const TABLE_SIZE: usize = 1 << 19;
 /// Maximum number of vertices that vote, in meshes of more than [`SMALL`] triangles.
 const MAX_VOTES: usize = 500;
 /// Smallest bulge, mm, at which a wrong normal matters.
@@ -399,28 +397,25 @@ struct Places {
 
 impl Places {
     fn sampled(mesh: &TriMesh, plane_areas: Option<&[f64]>) -> Self {
-        let positions = mesh.positions();
-        let stride = positions.len().div_ceil(SAMPLE).max(1);
-        let mut sampled: Vec<[u64; 3]> = positions.iter().step_by(stride).map(key).collect();
-        sampled.sort_unstable();
-        sampled.dedup();
-        // Most corners of a large mesh are not sampled; this table saves searching for them.
-        let mut is_likely = vec![false; TABLE_SIZE];
-        sampled.iter().for_each(|key| is_likely[table_place(key)] = true);
-        let place_of = |position| {
-            let key = key(position);
-            is_likely[table_place(&key)].then(|| sampled.binary_search(&key).ok()).flatten()
-        };
-        let of_vertex: Vec<u32> =
-            positions.iter().map(|at| place_of(at).map_or(NONE, |place| place as u32)).collect();
-        let mut facets: Vec<Vec<Facet>> = sampled.iter().map(|_| Vec::new()).collect();
+        let welded = weld(mesh.positions());
+        let stride = welded.len().div_ceil(SAMPLE).max(1);
+        let mut of_place = vec![NONE; welded.len()];
+        let mut count = 0;
+        for &place in welded.iter().step_by(stride) {
+            let sampled = &mut of_place[place as usize];
+            if *sampled == NONE {
+                *sampled = count;
+                count += 1;
+            }
+        }
+        let mut facets: Vec<Vec<Facet>> = (0..count).map(|_| Vec::new()).collect();
         for (triangle, &corners) in mesh.triangles().iter().enumerate() {
             let points = mesh.corners(corners);
             if sliver_side(points).is_some() {
                 continue;
             }
             for corner in 0..3 {
-                let place = of_vertex[corners[corner] as usize];
+                let place = of_place[welded[corners[corner] as usize] as usize];
                 if place == NONE {
                     continue;
                 }
@@ -441,15 +436,6 @@ impl Places {
         }
         Self { facets }
     }
-}
-
-/// Equal for equal positions; -0 is treated as 0.
-fn key(position: &Point3<f64>) -> [u64; 3] {
-    [position.x, position.y, position.z].map(|coordinate| (coordinate + 0.0).to_bits())
-}
-
-fn table_place(key: &[u64; 3]) -> usize {
-    (hash(*key) >> 40) as usize % TABLE_SIZE
 }
 
 fn direction(sum: Vector3<f64>) -> Vector3<f64> {

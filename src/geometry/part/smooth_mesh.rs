@@ -5,7 +5,6 @@ mod arcs;
 mod chains;
 mod creases;
 mod cylinders;
-mod disjoint_sets;
 mod ends;
 mod hidden_arcs;
 mod joining;

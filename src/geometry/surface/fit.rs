@@ -47,6 +47,12 @@ const BETWEEN_NODES: f64 = 1.5;
 /// the samples do not show.
 const ROUND: usize = 8;
 
+/// Spans across a thin part, at least: fewer show little of how it is curved.
+const LEAST_ACROSS: f64 = 12.0;
+
+/// The spans along a thin part are at most this many times as many as along others; it limits time and memory.
+const MOST_TIMES_ALONG: f64 = 64.0;
+
 /// Minimum number of nodes.
 const MIN_NODES: usize = 64;
 
@@ -57,9 +63,10 @@ pub struct FitOptions {
     /// The residual that 95 % of the nodes should stay below, mm. If it is exceeded, the number of spans is doubled,
     /// but only the control points near a larger residual are moved, which takes two to three times as long.
     pub tolerance: f64,
-    /// Spans along the longer side at the start.
+    /// Spans along the longer side at the start. A thin part, such as a rod, gets more, so that there are enough across it.
     pub first_spans: usize,
-    /// Spans along the longer side from which on they are not doubled again; it limits time and memory.
+    /// Spans along the longer side from which on they are not doubled again; it limits time and memory. A thin part gets more along
+    /// and fewer across.
     pub most_spans: usize,
 }
 
@@ -208,11 +215,15 @@ impl FittedSurface {
 
     fn fitted(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
         let size = part.extents().size();
-        let longer = size.x.max(size.y);
-        if !(size.x.min(size.y) > longer * 1e-3 && longer > 1e-2) {
+        let (longer, shorter) = (size.x.max(size.y), size.x.min(size.y));
+        if !(shorter > longer * 1e-3 && longer > 1e-2) {
             return Err(FitError::TooSmall { width: size.x, height: size.y });
         }
-        let mut spans = options.first_spans;
+        let across = shorter / longer * options.first_spans as f64;
+        let times = (LEAST_ACROSS / across).ceil().clamp(1.0, MOST_TIMES_ALONG) as usize;
+        let most_times = (longer / shorter).sqrt().min(times as f64);
+        let (mut spans, most_spans) =
+            (options.first_spans * times, (options.most_spans as f64 * most_times) as usize);
         let mut samples = part.sample(&Grid::over(&part.extents(), longer / (spans * NODES_PER_SPAN) as f64));
         if let Some(skins) = samples.skins.filter(|skins| skins.share >= SKINS) {
             return Err(FitError::TwoSkins(skins));
@@ -220,10 +231,10 @@ impl FittedSurface {
         let (mut nurbs, mut residual) = Data::solved(&samples, part.fork(), |data| data.fit())?;
         let is_fine = |step: f64| part.spacing() <= RESOLVED * step;
         while (residual > options.tolerance || samples.bends_between(part.fork()) > options.tolerance)
-            && spans < options.most_spans
+            && spans < most_spans
         {
             // The last doubling takes as long as all before it, and helps only parts with finer detail.
-            if spans * 2 > options.most_spans && !is_fine(samples.field.step()) {
+            if spans * 2 > most_spans && !is_fine(samples.field.step()) {
                 break;
             }
             spans *= 2;
@@ -259,10 +270,15 @@ impl FittedSurface {
             if !is_surface(node) || column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
                 return None;
             }
-            let beside = [node - 1, node + 1, node - columns, node + columns];
-            let known = slopes.get(node).filter(|_| beside.into_iter().all(is_surface))?;
-            let [left, right, below, above] = beside.map(|node| self.differences[node]);
-            let between = Vector2::new(right - left, above - below) / (2.0 * step);
+            // At the end of the surface, what is between the nodes on one side of it.
+            let rise = |low: usize, high: usize| {
+                let ends = [low, high].map(|beside| if is_surface(beside) { beside } else { node });
+                let steps = ends.iter().filter(|end| **end != node).count();
+                let [low, high] = ends.map(|end| self.differences[end]);
+                (steps > 0).then(|| (high - low) / (steps as f64 * step))
+            };
+            let known = slopes.get(node)?;
+            let between = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
             let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
             Some((node, tangent(sampled, *known), known.norm_squared()))
         };

@@ -5,7 +5,6 @@ use nalgebra::{Point3, Vector3};
 use super::arcs::{self, NEGLIGIBLE_BEND};
 use super::creases::{Facing, Steps, matters};
 use super::cylinders;
-use super::disjoint_sets::DisjointSets;
 use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
@@ -13,9 +12,10 @@ use super::spheres;
 use super::strips;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{
-    NONE, Neighbours, facet_normal, opposite_sides, sliver_side, spread, weld, width,
+    NONE, Neighbours, WELD_DISTANCE, facet_normal, opposite_sides, sliver_side, spread, weld, width,
 };
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
+use crate::geometry::disjoint_sets::DisjointSets;
 use crate::geometry::flats;
 use crate::geometry::fork::{Fork, InTurn, found, join, mapped};
 use crate::geometry::mesh::TriMesh;
@@ -56,6 +56,19 @@ enum Meeting {
     Edge,
     /// At an edge that the facets show.
     Sharp,
+}
+
+/// The mesh without triangles that have two corners at one place; `None` if there are none.
+fn without_collapsed(mesh: &TriMesh) -> Option<TriMesh> {
+    let is_kept = |&triangle: &[u32; 3]| {
+        let [a, b, c] = mesh.corners(triangle);
+        [b - a, c - b, a - c].iter().all(|side| side.norm_squared() >= WELD_DISTANCE * WELD_DISTANCE)
+    };
+    if mesh.triangles().iter().all(is_kept) {
+        return None;
+    }
+    let is_kept: Vec<bool> = mesh.triangles().iter().map(is_kept).collect();
+    is_kept.contains(&true).then(|| mesh.with_only(&is_kept))
 }
 
 /// The mesh without the triangles that are in it once more; `None` if there are no copies.
@@ -299,9 +312,11 @@ impl SmoothMesh {
         }
     }
 
-    /// The same for a mesh in which triangles may be more than once. A copied part has no side that exactly two triangles
-    /// share, so every facet would be by itself.
+    /// The same for a mesh in which triangles may be more than once, or have two corners at one place. A copied part has no side
+    /// that exactly two triangles share, so every facet would be by itself.
     pub fn of_single(mesh: &TriMesh, view: &View, fork: &dyn Fork) -> Self {
+        let whole = if mesh.is_facetted() { None } else { without_collapsed(mesh) };
+        let mesh = whole.as_ref().unwrap_or(mesh);
         let smooth = Self::with_fork(mesh, view, fork);
         let alone = smooth.continued.chunks_exact(3).filter(|sides| sides.iter().all(|&side| side == NONE));
         if mesh.is_facetted() || (alone.count() as f64) < LEAST_ALONE * smooth.triangles.len() as f64 {

@@ -10,9 +10,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
-use super::disjoint_sets::DisjointSets;
 use super::ends::{Straight, Surface};
 use crate::geometry::adjacency::{facet_normal, sliver_side};
+use crate::geometry::disjoint_sets::DisjointSets;
 
 /// Vertices are on a curve within this share of how far it leaves its chords, where its curvature changes from one to the next.
 const OF_BULGE: f64 = 0.5;

@@ -3,8 +3,8 @@
 use nalgebra::Point3;
 
 use super::SmoothMesh;
-use super::disjoint_sets::DisjointSets;
 use crate::geometry::adjacency::{NONE, grouped, sliver_side};
+use crate::geometry::disjoint_sets::DisjointSets;
 use crate::geometry::fork::{Fork, mapped};
 
 /// Which triangles are of one plane facet.

@@ -1,13 +1,13 @@
 //! Which elements belong together, found by pairs of them.
 
 /// Sets that are joined two at a time (Galler & Fischer, An improved equivalence algorithm, CACM 7(5), 1964).
-pub(super) struct DisjointSets {
+pub(crate) struct DisjointSets {
     parents: Vec<u32>,
 }
 
 impl DisjointSets {
     /// `count` sets of one element each.
-    pub(super) fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         Self { parents: (0..count as u32).collect() }
     }
 
@@ -22,13 +22,13 @@ impl DisjointSets {
     }
 
     /// Joins the sets of two elements; the smaller root stays, so that numbers do not depend on the order.
-    pub(super) fn join(&mut self, one: usize, two: usize) {
+    pub(crate) fn join(&mut self, one: usize, two: usize) {
         let (one, two) = (self.root(one), self.root(two));
         self.parents[one.max(two)] = one.min(two) as u32;
     }
 
     /// For each element the number of its set, from 0 in the order of first appearance, and how many sets there are.
-    pub(super) fn numbered(mut self) -> (Vec<u32>, usize) {
+    pub(crate) fn numbered(mut self) -> (Vec<u32>, usize) {
         let mut count = 0;
         for element in 0..self.parents.len() {
             let parent = self.parents[element] as usize;
