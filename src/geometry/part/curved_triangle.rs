@@ -179,11 +179,16 @@ impl CurvedTriangle {
         })
     }
 
-    /// The unit normals at the middles of the sides (the first from the first corner to the second); zero where the patch is
-    /// degenerate.
-    pub(super) fn normals_beside(&self) -> [Vector3<f64>; 3] {
+    /// For each side (the first from the first corner to the second) the unit normals at its middle and at one of the `shares` of it;
+    /// zero where the patch is degenerate.
+    pub(super) fn normals_beside(&self, shares: [f64; 3]) -> [[Vector3<f64>; 2]; 3] {
         let patch = Cubic::of(self);
-        [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]].map(|[v, w]| patch.point_and_normal(v, w).1)
+        [0, 1, 2].map(|side| {
+            [0.5, shares[side]].map(|share| {
+                let [v, w] = [[share, 0.0], [1.0 - share, share], [0.0, 1.0 - share]][side];
+                patch.point_and_normal(v, w).1
+            })
+        })
     }
 
     /// The triangle as the laser sees it; `None` if its facet is a wall.
@@ -311,6 +316,21 @@ fn handle(ends: [Point3<f64>; 2], normals: [Vector3<f64>; 2]) -> Vector3<f64> {
         tangent += turn * (tangent.dot(&turn) / turn.norm_squared() * change);
     }
     tangent * arc_share(normals) - along / 3.0
+}
+
+/// The direction, not of unit length, of the curve that is a side of all patches between two `ends` with these unit `normals`, at a
+/// share of it.
+pub(super) fn direction_between(
+    ends: [Point3<f64>; 2],
+    normals: [Vector3<f64>; 2],
+    share: f64,
+) -> Vector3<f64> {
+    let third = (ends[1] - ends[0]) / 3.0;
+    let [first, last] = [handle(ends, normals), handle([ends[1], ends[0]], [normals[1], normals[0]])];
+    let rest = 1.0 - share;
+    (third + first) * (rest * rest)
+        + (third + last - first) * (2.0 * rest * share)
+        + (third - last) * (share * share)
 }
 
 /// The handle for an edge of the part whose directions at both ends are known.

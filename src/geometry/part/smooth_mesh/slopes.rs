@@ -2,13 +2,21 @@
 //!
 //! The vertices of a mesh are on the part, and two patches share the curve between two of them. If the patches represent
 //! the part well, they also share their tangent planes along that curve; the less the vertices and their normals define
-//! the part between them, the more the tangent planes differ. The patches of an extruded strip always agree, however; there
-//! the leans of the normals show the error, as on a turned part without normals: on an arc the normals at both ends of a
-//! side lean from it by equal and opposite angles. Where nothing confirms the arc of a side, it may be another one
-//! (`chains`), and so may an edge that only the facets show (`hidden_arcs`). Normals that are estimated have a deviation of
-//! their own, and vertices that are not on the part scatter (`scatter`). On parts given by formulas, with facets of 0.75 to 5
-//! mm, with and without normals, even, uneven and decimated, half the difference bounds the error of the lengths, areas and
-//! angles that follows from the error of the slope (`tests/true_surface/bounds.rs`).
+//! the part between them, the more the tangent planes differ.
+//!
+//! Where they agree, they may be wrong alike. In an even mesh each triangle is its neighbour, turned by 180° about the middle
+//! of their common side. There, the third derivatives of the part turn both tangent planes by the same angle. The curve between
+//! the two corners opposite to this side shows it: it crosses the side, and with exact normals it has the slope of any part of
+//! the fourth degree at its middle.
+//!
+//! The patches of an extruded strip always agree. There the leans of the normals show the error, as on a turned part without
+//! normals: on an arc the normals at both ends of a side lean from it by equal and opposite angles. Where nothing confirms the
+//! arc of a side, it may be another one (`chains`), and so may an edge that only the facets show (`hidden_arcs`). Normals that
+//! are estimated have a deviation of their own, and vertices that are not on the part scatter (`scatter`). On parts given by
+//! formulas, with facets of 0.75 to 5 mm, with and without normals, even, uneven and decimated, half the difference bounds the
+//! error of the lengths, areas and angles that follows from the error of the slope (`tests/true_surface/bounds.rs`).
+
+use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -17,6 +25,8 @@ use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
 use super::straightest::{STRAIGHT, Straightest};
 use crate::geometry::adjacency::{NONE, Neighbours, spread, width};
+use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
+use crate::geometry::curved_triangle::direction_between;
 use crate::geometry::fork::{Fork, found, join, mapped};
 use crate::geometry::space::Extents;
 
@@ -46,6 +56,9 @@ const OF_PARABOLA: f64 = 0.73;
 /// A triangle belongs to a turned part if along one of its sides, as on a ring, the normals lean by at most this share of the
 /// largest lean.
 const OF_RINGS: f64 = 0.1;
+/// Curves are compared with the sides that they cross at these shares of both: the error of a patch is largest at the middle of a
+/// side.
+const NEAR_MIDDLE: Range<f64> = 0.4..0.6;
 /// A triangle belongs to a strip if the normals turn along one of its sides by at most this share of the largest turn.
 const RULING: f64 = 0.05;
 /// Leans are compared between sides whose lengths differ by at most this factor.
@@ -58,13 +71,22 @@ const SHORTEST: f64 = 0.25;
 /// The same as a share of the diagonal of a small part, whose drawings are small.
 const SHORTEST_SHARE: f64 = 0.005;
 
+/// A patch beside its sides.
+#[derive(Debug, Clone, Copy, Default)]
+struct Beside {
+    /// The unit normals at the middles of the sides; zero where the patch is degenerate.
+    normals: [Vector3<f64>; 3],
+    /// The angles between the patch and the curves that cross its sides, rad; 0 where none does.
+    off: [f64; 3],
+}
+
 impl SmoothMesh {
     /// For each triangle that faces the laser, how far the slope of the part may be from that of its curved patch, rad, root
     /// mean square; 0 for the others. Empty if all facets are small.
     ///
-    /// It is half the angle between the patch and its neighbours' at the middles of their common sides, or what the part twists by
-    /// there, together with the uneven leans of normals, or what the chords of those that are `estimated` leave open, and the
-    /// `deviations` of these, rad. `hidden` are the arcs that edges may be.
+    /// It is half the angle between the patch and its neighbours' at the middles of their common sides, that between the patch and
+    /// the curve that crosses there, or what the part twists by there, together with the uneven leans of normals, or what the chords
+    /// of those that are `estimated` leave open, and the `deviations` of these, rad. `hidden` are the arcs that edges may be.
     pub(super) fn found_slope_doubts(
         &self,
         estimated: &[bool],
@@ -83,10 +105,7 @@ impl SmoothMesh {
         let mut is_corner = vec![false; self.positions.len()];
         let corners = bulging.iter().flat_map(|&triangle| self.triangles[triangle]);
         corners.for_each(|vertex| is_corner[vertex as usize] = true);
-        let normals_beside = || {
-            let of_bulging = |index: usize| self.patch(bulging[index]).normals_beside();
-            mapped(fork, bulging.len(), of_bulging)
-        };
+        let beside = || mapped(fork, bulging.len(), |index| self.beside(bulging[index], estimated));
         let scatter = || {
             let mut is_near = is_corner.clone();
             spread(&mut is_near, &self.triangles, 2);
@@ -95,8 +114,8 @@ impl SmoothMesh {
             let scatter = self.scatter(&is_at_rim, &around, &is_corner, fork);
             (around, is_at_rim, scatter)
         };
-        let (normals, (around, is_at_rim, scatter)) = join(fork, normals_beside, scatter);
-        let of_patch = |triangle: usize| normals.get((patches.get(triangle)?.checked_sub(1)?) as usize);
+        let (beside, (around, is_at_rim, scatter)) = join(fork, beside, scatter);
+        let of_patch = |triangle: usize| beside.get((patches.get(triangle)?.checked_sub(1)?) as usize);
         let straightest = Straightest::of(self, &around);
         let chains = estimated.contains(&true).then(|| Chains::of(self, &straightest, &is_corner));
         let of_chords = |triangle: usize| {
@@ -108,15 +127,15 @@ impl SmoothMesh {
         };
         let size = Extents::of(self.positions.iter().map(|at| at.coords.xy())).size().norm();
         let shortest = SHORTEST.min(SHORTEST_SHARE * size);
-        let doubt = |triangle: usize, own: &[Vector3<f64>; 3]| {
+        let doubt = |triangle: usize, own: &Beside| {
             let (mut squares, mut count) = (0.0, 0.0);
             let (corners, is_extruded) = (self.triangles[triangle], is_on_strip(self.turns(triangle)));
-            for (side, normal) in own.iter().enumerate() {
+            for (side, normal) in own.normals.iter().enumerate() {
                 let other = self.continued[3 * triangle + side] as usize;
                 let Some(beyond) = of_patch(other / 3) else { continue };
-                let apart = normal.cross(&beyond[other % 3]).norm() / 2.0;
+                let apart = normal.cross(&beyond.normals[other % 3]).norm() / 2.0;
                 let of_twist = if is_extruded { 0.0 } else { self.twist_doubt(triangle, side, normal) };
-                squares += apart.max(of_twist).powi(2);
+                squares += apart.max(own.off[side]).max(of_twist).powi(2);
                 count += 1.0;
             }
             let of_patches = if count > 0.0 { squares / count } else { 0.0 };
@@ -136,7 +155,7 @@ impl SmoothMesh {
             let shown = 4.0 * (self.largest_bend(triangle) + off) / shortest;
             if is_sliver { doubt.min(shown) as f32 } else { doubt as f32 }
         };
-        let of_bulging = mapped(fork, bulging.len(), |index| doubt(bulging[index], &normals[index]));
+        let of_bulging = mapped(fork, bulging.len(), |index| doubt(bulging[index], &beside[index]));
         let mut doubts = vec![0.0; self.triangles.len()];
         bulging.iter().zip(of_bulging).for_each(|(&triangle, doubt)| doubts[triangle] = doubt);
         for &HiddenArc { triangle, doubt, .. } in hidden {
@@ -145,6 +164,49 @@ impl SmoothMesh {
             }
         }
         doubts
+    }
+
+    /// The patch over a triangle beside its sides.
+    fn beside(&self, triangle: usize, estimated: &[bool]) -> Beside {
+        let crossings = [0, 1, 2].map(|side| self.crossing(3 * triangle + side, estimated));
+        let shares = crossings.map(|crossing| crossing.map_or(0.5, |(share, _)| share));
+        let normals = self.patch(triangle).normals_beside(shares);
+        let off = |side: usize| {
+            crossings[side].map_or(0.0, |(_, direction)| direction.dot(&normals[side][1]).abs())
+        };
+        Beside { normals: normals.map(|[middle, _]| middle), off: [0, 1, 2].map(off) }
+    }
+
+    /// Where the curve between the corners opposite to a side, in the two triangles that share it, crosses the side, as a share of
+    /// it, and the unit direction of the curve there. `None` if that is not near the middles of both, if the curve is not smooth, on strips, or
+    /// if normals of the triangles are estimated: these have larger errors, which their deviations and chords show.
+    fn crossing(&self, side: usize, estimated: &[bool]) -> Option<(f64, Vector3<f64>)> {
+        let corner = |side: usize, next: usize| self.triangles[side / 3][(side % 3 + next) % 3] as usize;
+        let other = self.continuing(side)?;
+        // At the crest of a bent tube one of two facets seems to be on a strip.
+        if [side, other].iter().all(|side| is_on_strip(self.turns(side / 3))) {
+            return None;
+        }
+        let far = [corner(side, 2), corner(other, 2)];
+        if [corner(side, 0), corner(side, 1)].into_iter().chain(far).any(|vertex| estimated[vertex]) {
+            return None;
+        }
+        let chord = Chord {
+            ends: far.map(|vertex| self.positions[vertex]),
+            normals: far.map(|vertex| self.normals[vertex]),
+        };
+        let [from, to] = self.ends(side);
+        let (along, across, start) = (to - from, chord.ends[1] - chord.ends[0], chord.ends[0] - from);
+        // Where the two lines are closest to each other.
+        let normal = along.cross(&across);
+        let shares = [across, along].map(|beside| start.cross(&beside).dot(&normal) / normal.norm_squared());
+        let is_near = shares.iter().all(|share| NEAR_MIDDLE.contains(share));
+        // Where a fillet ends the curvature jumps, and no curve across is near the part.
+        if !is_near || !are_of_smooth_curves([(chord, 1.0)].into_iter()) {
+            return None;
+        }
+        let direction = direction_between(chord.ends, chord.normals, shares[1]).try_normalize(0.0)?;
+        Some((shares[0], direction))
     }
 
     /// The error of the slope over a triangle, rad, root mean square, where its vertices are too high or too low by their `scatter`, mm.
@@ -359,6 +421,67 @@ mod tests {
         }
         let [error, doubt] = [squares, doubts].map(|sum: f64| (sum / count).sqrt());
         assert!(error > 0.1 && doubt > 0.9 * error, "{doubt} rad for {error} rad");
+    }
+
+    /// A band of even facets: points with their unit normals by column and row, and columns along the first direction.
+    fn band(columns: u32, rows: u32, at: impl Fn(u32, u32) -> (Point3<f64>, Vector3<f64>)) -> SmoothMesh {
+        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+        let (positions, normals) = places.map(|(column, row)| at(column, row)).unzip();
+        let cells = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| row * columns + column));
+        let triangles = cells.flat_map(|a| [[a, a + 1, a + columns + 1], [a, a + columns + 1, a + columns]]);
+        let mesh = TriMesh::new(positions, normals, triangles.collect()).unwrap();
+        SmoothMesh::new(&mesh, &View::top())
+    }
+
+    /// A torus, of which all patches agree: in an even mesh each facet is its neighbour turned about their common side.
+    #[test]
+    fn the_slope_of_a_coarse_bent_tube_is_in_doubt_by_its_error() {
+        for (bend, tube) in [(95.0, 16.5), (60.0, 12.6)] {
+            let steps = [0.107, 0.24];
+            let on_tube = |column: u32, row: u32| {
+                let [turn, tilt] = [column, row].map(f64::from);
+                let [turn, tilt] = [(turn - 4.0) * steps[0], (tilt - 5.0) * steps[1]];
+                let out = Vector3::new(turn.sin(), turn.cos(), 0.0);
+                let normal = out * tilt.sin() + Vector3::z() * tilt.cos();
+                (Point3::from(out * bend + normal * tube), normal)
+            };
+            let part = band(9, 11, on_tube);
+            let (mut squares, mut doubts, mut count) = (0.0, 0.0, 0.0);
+            for triangle in 0..part.triangles.len() {
+                if part.corners(triangle).0.iter().any(|at| at.x.abs() > 0.35 * bend || at.z < 0.4 * tube) {
+                    continue;
+                }
+                let grid: Vec<(Point3<f64>, Vector3<f64>)> = part.patch(triangle).grid().collect();
+                let off = |(at, normal): &(Point3<f64>, Vector3<f64>)| {
+                    let middle = Vector3::new(at.x, at.y, 0.0).normalize() * bend;
+                    normal.angle(&(at.coords - middle)).powi(2)
+                };
+                squares += grid.iter().map(off).sum::<f64>() / grid.len() as f64;
+                doubts += f64::from(part.slope_doubts[triangle]).powi(2);
+                count += 1.0;
+            }
+            let [error, doubt] = [squares, doubts].map(|sum: f64| (sum / count).sqrt());
+            assert!(error > 5e-4 && count > 20.0, "{error} rad on {count} facets");
+            assert!(doubt > 0.9 * error && doubt < 2.0 * error, "{bend}: {doubt} rad for {error} rad");
+        }
+    }
+
+    /// The curvature jumps there, and the patches on both sides are right.
+    #[test]
+    fn the_end_of_a_fillet_leaves_no_slope_in_doubt() {
+        let (inner, turn) = (20.0, 0.2);
+        let on_top = |column: u32, row: u32| {
+            let (step, around) = (f64::from(column) - 3.0, 0.1 * f64::from(row));
+            // A crown inside of the fillet.
+            let (radius, turn) = if step < 0.0 { (200.0, turn / 20.0) } else { (10.0, turn) };
+            let out = Vector3::new(around.cos(), around.sin(), 0.0);
+            let normal = out * (turn * step).sin() + Vector3::z() * (turn * step).cos();
+            (Point3::from(out * inner - Vector3::z() * radius + normal * radius), normal)
+        };
+        let part = band(8, 8, on_top);
+        let most = part.slope_doubts.iter().copied().fold(0.0, f32::max);
+        // A curve across the end is off by an eighth of the turn.
+        assert!(f64::from(most) < turn / 40.0, "{most} rad");
     }
 
     #[test]
