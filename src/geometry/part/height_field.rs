@@ -132,8 +132,17 @@ pub struct PartSamples {
     /// For each node, how far the part may be from its samples because neighbouring curved facets lead to different
     /// slopes; empty if none do.
     pub uncertainties: Vec<Uncertainty>,
-    /// For each node, the slope of the part along x and y, no unit; 0 beside the part.
-    pub slopes: Vec<Vector2<f64>>,
+    /// For each node, the slope of the part; 0 beside the part.
+    pub slopes: Vec<Slope>,
+}
+
+/// The slope of the part at a node.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Slope {
+    /// Along x and y, no unit.
+    pub gradient: Vector2<f64>,
+    /// How far it may be off where the facet there is too narrow to show it, rad.
+    pub off: f64,
 }
 
 /// How far the part may be from its samples: between the vertices of a mesh, where they and their normals do not define it,
@@ -322,8 +331,7 @@ impl<'f> FacingPart<'f> {
             self.mark_creases(&field, &mut is_at_edge);
             (field, is_at_edge)
         };
-        let gradient = |hit: &Option<(u32, Hit)>| hit.map_or_else(Vector2::zeros, |(_, hit)| hit.gradient);
-        let others = || (self.doubts(&hits), self.uncertainties(&hits), hits.iter().map(gradient).collect());
+        let others = || (self.doubts(&hits), self.uncertainties(&hits), self.slopes(&hits));
         let ((field, is_at_edge), (doubts, uncertainties, slopes)) = join(self.fork, heights, others);
         PartSamples { field, is_at_edge, doubts, uncertainties, slopes, skins }
     }
@@ -438,6 +446,18 @@ impl<'f> FacingPart<'f> {
         let [one_places, other_places] = [one, other].map(|triangle| self.mesh.corners(triangle).0);
         let touch = one_places.iter().any(|place| other_places.contains(place));
         self.turn(one) * self.turn(other) > 0.0 && !touch
+    }
+
+    fn slopes(&self, hits: &[Option<(u32, Hit)>]) -> Vec<Slope> {
+        let shortest = self.mesh.shortest();
+        let slope = |(triangle, hit): (u32, Hit)| Slope {
+            gradient: hit.gradient,
+            off: match self.faces {
+                Some(_) => 0.0,
+                None => self.mesh.steepness_of_sliver(triangle as usize, shortest),
+            },
+        };
+        hits.iter().map(|hit| hit.map_or_else(Slope::default, slope)).collect()
     }
 
     fn uncertainties(&self, hits: &[Option<(u32, Hit)>]) -> Vec<Uncertainty> {

@@ -6,7 +6,7 @@ use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
 use crate::geometry::fork::{Fork, InTurn, found, join, start};
 use crate::geometry::height_field::{
-    FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Uncertainty,
+    FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Slope, Uncertainty,
 };
 use crate::geometry::normal_equations::{
     CellRow, CellSum, EquationRows, GridSolver, NormalEquations, SolveError,
@@ -256,12 +256,7 @@ impl FittedSurface {
 
     /// The surface with a doubt about its slope where the samples round a jump of the slope or of the curvature, as beside a
     /// fillet: there the slope between them differs from that of the part at the nodes.
-    fn doubted_between_samples(
-        mut self,
-        slopes: &[Vector2<f64>],
-        is_at_edge: &[bool],
-        fork: &dyn Fork,
-    ) -> Self {
+    fn doubted_between_samples(mut self, slopes: &[Slope], is_at_edge: &[bool], fork: &dyn Fork) -> Self {
         let (columns, rows) = self.field.size();
         let step = self.field.step();
         let is_surface = |node: usize| matches!(self.field.nodes()[node], Node::Surface(_));
@@ -280,7 +275,8 @@ impl FittedSurface {
             let known = slopes.get(node)?;
             let between = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
             let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
-            Some((node, tangent(sampled, *known), known.norm_squared()))
+            let off = (tangent(sampled, known.gradient) - known.off).max(0.0);
+            Some((node, off, known.gradient.norm_squared()))
         };
         let slopes_off: Vec<(usize, f64, f64)> = found(fork, columns * rows, off);
         let is_notable =
@@ -483,7 +479,7 @@ impl PartSamples {
         };
         let rise = |low: usize, high: usize| Some((height(high)? - height(low)?) / (2.0 * self.field.step()));
         let sampled = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
-        Some(tangent(sampled, self.slopes[node]))
+        Some(tangent(sampled, self.slopes[node].gradient))
     }
 }
 
