@@ -241,6 +241,10 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
             self.unread =
                 Some("it is written vertically: convert it to paths (Path > Object to Path)".into());
         }
+        if style.is_right_to_left {
+            self.unread =
+                Some("it is written from right to left: convert it to paths (Path > Object to Path)".into());
+        }
         if style.letter_case == LetterCase::Unread {
             self.unread =
                 Some("its letters are changed to capitals: write capitals, or convert it to paths".into());
