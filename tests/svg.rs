@@ -755,6 +755,7 @@ fn ink_that_cannot_be_marked_is_listed() {
         ("<path id='x' transform='rotate(9)' style='transform-box: fill-box' d='M1 1h5v5z'/>", "path"),
         ("<text id='x' style='font-variant: small-caps'>abc</text>", "text"),
         ("<text id='x' direction='rtl'>abc</text>", "text"),
+        ("<text id='x'>ab<tspan opacity='0'>c</tspan></text>", "text"),
         (
             "<mask id='m'/><symbol id='x' mask='url(#m)'><path d='M1 1h5v5z'/></symbol><use href='#x'/>",
             "symbol",

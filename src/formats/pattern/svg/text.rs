@@ -282,6 +282,10 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
                 let own = self.walk.style(child, &context.with_style(style))?;
                 match child.tag_name().name() {
                     "tspan" | "a" if own.displayed => {
+                        if own.opacity == 0.0 {
+                            self.unread =
+                                Some("a part of it is fully transparent (opacity): delete that part".into());
+                        }
                         self.element(child, &Rc::new(own), context, depth + 1)?
                     }
                     "textPath" | "tref" | "altGlyph" if own.displayed => {
