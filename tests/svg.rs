@@ -187,6 +187,16 @@ fn transforms_copies_and_nested_drawings_are_placed() {
             "<svg x='10' y='10' width='20' height='10' viewBox='0 0 4 2'><path d='M1 0h2v1h-2z'/></svg>",
             [15.0, 25.0, 25.0, 30.0],
         ),
+        // SVG 2, section 5.5: a symbol has a position, and its `transform` applies in every copy.
+        (
+            "<symbol id='s' x='2' y='3' width='20' height='20'><path d='M0 0h3v4h-3z'/></symbol><use href='#s' x='3' y='3'/>",
+            [5.0, 30.0, 8.0, 34.0],
+        ),
+        (
+            "<symbol id='s' transform='translate(10 5) scale(2)'><path d='M1 1h3v4h-3z'/></symbol><use href='#s'/>",
+            [12.0, 25.0, 18.0, 33.0],
+        ),
+        ("<path style='transform: rotate(0) translate(3px, 0)' d='M1 1h5v5z'/>", [4.0, 34.0, 9.0, 39.0]),
         ("<rect x='10%' y='10%' width='50%' height='50%'/>", [6.0, 16.0, 36.0, 36.0]),
         // A quarter turn around (30, 10); the middle of the page is (30, 20).
         (
@@ -238,6 +248,27 @@ fn nested_drawings_are_cut_at_their_edges() {
     let found = extents(&turned);
     let expected = [30.0 - half, 35.0 - 2.0 * half, 30.0 + half, 35.0];
     assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+}
+
+/// A clip path is in the units of what it cuts. Here, these are the units of the `viewBox`: half as large as those of the page, from (10,
+/// 10). Chromium draws the same.
+#[test]
+fn clip_paths_of_nested_drawings_and_symbols_are_in_their_units() {
+    let clip = "<clipPath id='c'><rect x='2' y='1' width='4' height='6'/></clipPath>";
+    let at = "width='20' height='10' viewBox='0 0 40 20'";
+    let inside = "clip-path='url(#c)'><rect width='30' height='18'/>";
+    for content in [
+        format!("<svg x='10' y='10' {at} {inside}</svg>"),
+        format!("<svg x='10' y='10' {at} overflow='visible' {inside}</svg>"),
+        format!(
+            "<symbol id='s' viewBox='0 0 40 20' {inside}</symbol><use href='#s' x='10' y='10' width='20' height='10'/>"
+        ),
+        format!("<defs><svg id='s' {at} {inside}</svg></defs><use href='#s' x='10' y='10'/>"),
+        format!("<g transform='translate(10 10) scale(0.5)'><g {inside}</g></g>"),
+    ] {
+        let reading = drawn(&format!("{clip}{content}"));
+        near(extents(&reading), [11.0, 26.5, 13.0, 29.5]);
+    }
 }
 
 #[test]
@@ -723,6 +754,18 @@ fn ink_that_cannot_be_marked_is_listed() {
         ("<path id='x' style='clip-path: circle(2px)' d='M1 1h5v5z'/>", "path"),
         ("<path id='x' transform='rotate(9)' style='transform-box: fill-box' d='M1 1h5v5z'/>", "path"),
         ("<text id='x' style='font-variant: small-caps'>abc</text>", "text"),
+        ("<text id='x' direction='rtl'>abc</text>", "text"),
+        ("<text id='x'>ab<tspan opacity='0'>c</tspan></text>", "text"),
+        (
+            "<mask id='m'/><symbol id='x' mask='url(#m)'><path d='M1 1h5v5z'/></symbol><use href='#x'/>",
+            "symbol",
+        ),
+        // Browsers ignore a length or an angle without a unit in a style, and one with a unit in an attribute.
+        ("<path id='x' style='transform: translate(3,4)' d='M1 1h5v5z'/>", "path"),
+        ("<path id='x' style='transform: rotate(30)' d='M1 1h5v5z'/>", "path"),
+        ("<path id='x' style='transform: scale(2 1)' d='M1 1h5v5z'/>", "path"),
+        ("<path id='x' transform='translate(3px,4px)' d='M1 1h5v5z'/>", "path"),
+        ("<path id='x' transform='rotate(30deg)' d='M1 1h5v5z'/>", "path"),
     ] {
         let reading = drawn(&format!("{mark}{lost}"));
         let listed: Vec<_> = reading.facts.skipped.iter().filter(|skipped| skipped.is_ink).collect();

@@ -65,9 +65,11 @@ impl Typeface {
         }
     }
 
-    /// The letter's shape; `None` if the font does not have it.
+    /// The letter's shape; `None` if the font does not have it. Invisible letters have none and take no room, although a font may draw
+    /// them: soft hyphens as hyphens.
     pub(super) fn glyph(self, letter: char) -> Option<Glyph> {
         match self {
+            _ if is_invisible(letter) => Some(Glyph::default()),
             Self::Outline => outline(letter),
             Self::Stroke => STROKE_GLYPHS.get(&letter).cloned(),
         }
@@ -223,6 +225,17 @@ mod tests {
             }
         }
         assert!(Typeface::Outline.glyph('株').is_none() && Typeface::Outline.glyph('Ж').is_some());
+    }
+
+    /// The default-ignorable code points of Unicode.
+    #[test]
+    fn invisible_letters_are_not_drawn_and_take_no_room() {
+        for face in [Typeface::Outline, Typeface::Stroke] {
+            for letter in ['\u{ad}', '\u{200b}', '\u{200d}', '\u{200f}', '\u{2060}', '\u{feff}'] {
+                let glyph = face.glyph(letter).unwrap();
+                assert!(glyph.shapes.is_empty() && glyph.advance == 0.0, "{face:?}: {letter:?}");
+            }
+        }
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub(super) struct Pair {
     spot: u32,
 }
 
-/// All group codes of a file up to its `EOF`.
+/// All group codes of a file up to its `EOF`, of its comments only those at the beginning.
 pub(super) struct Scan<'a> {
     bytes: &'a [u8],
     binary: bool,
@@ -145,7 +145,11 @@ impl Scan<'_> {
         String::from_utf8_lossy(self.raw(pair)).chars().take(40).collect()
     }
 
+    /// Adds a pair, unless it is a comment (999) after the beginning: comments may separate any two pairs.
     fn push(&mut self, pair: Pair) -> Result<(), PatternReadError> {
+        if pair.code == 999 && self.pairs.last().is_some_and(|last| last.code != 999) {
+            return Ok(());
+        }
         if self.pairs.len() == MAX_PAIRS {
             return Err(PatternReadError::TooMany { what: "group codes", limit: MAX_PAIRS, entity: None });
         }
@@ -353,5 +357,16 @@ mod tests {
                 assert_eq!(scan.spot(&scan.pairs[1]), Spot::Line(4));
             }
         }
+    }
+
+    #[test]
+    fn comments_between_pairs_are_left_out() {
+        let pairs = "0 SECTION 2 ENTITIES 0 ENDSEC 0 EOF".replace(' ', "\n");
+        let file = pairs.replace("\n2\n", "\n999\nbetween\n999\n0\n2\n");
+        let file = format!("999\nby a program\n999\nfor a test\n{file}\n");
+        let scan = scan(file.as_bytes()).unwrap();
+        let codes: Vec<i32> = scan.pairs.iter().map(|pair| pair.code).collect();
+        assert_eq!(codes, [999, 999, 0, 2, 0, 0]);
+        assert_eq!(scan.spot(&scan.pairs[3]), Spot::Line(12));
     }
 }

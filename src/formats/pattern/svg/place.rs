@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use super::length::number_of;
 use super::style::Style;
 use crate::geometry::pattern::Affine;
 
@@ -14,7 +15,8 @@ pub(super) fn own(style: &Style, viewport: Vector2<f64>) -> Result<Option<Affine
         );
     }
     let Some(text) = &style.transform else { return Ok(None) };
-    let map = transform(text).ok_or("its transform cannot be read: export the drawing again")?;
+    let map = transform(text, style.is_css_transform)
+        .ok_or("its transform cannot be read: export the drawing again")?;
     let has_fixed_points = map.linear != Matrix2::identity();
     let Some(origin) = style.transform_origin.as_deref().filter(|_| has_fixed_points) else {
         return match style.has_own_box && has_fixed_points {
@@ -34,14 +36,35 @@ pub(super) fn own(style: &Style, viewport: Vector2<f64>) -> Result<Option<Affine
 const RELATIVE: &str =
     "its transform is relative to its size (`transform-box`), which is not read: convert it to paths";
 
-fn transform(text: &str) -> Option<Affine> {
-    // CSS writes units, which attributes do not have.
-    let plain = text.replace("px", "").replace("deg", "");
-    let svgtypes::Transform { a, b, c, d, e, f } = match plain.trim() {
+fn transform(text: &str, is_css: bool) -> Option<Affine> {
+    let svgtypes::Transform { a, b, c, d, e, f } = match text.trim() {
         "" | "none" => svgtypes::Transform::default(),
-        plain => plain.parse().ok()?,
+        text if is_css => without_units(text)?.parse().ok()?,
+        text => text.parse().ok()?,
     };
     Some(Affine { linear: Matrix2::new(a, c, b, d), offset: Vector2::new(e, f) })
+}
+
+/// The transforms of a style as an attribute has them. In a style, commas are between numbers, and lengths and angles
+/// other than 0 have units.
+fn without_units(text: &str) -> Option<String> {
+    let mut plain = String::new();
+    for function in text.split_inclusive(')') {
+        let (name, numbers) = function.trim().strip_suffix(')')?.split_once('(')?;
+        let unit = match name {
+            "matrix" | "scale" => "",
+            "translate" => "px",
+            _ => "deg",
+        };
+        let number = |text: &str| {
+            let is_zero = text.parse() == Ok(0.0);
+            let number = if is_zero { text } else { text.strip_suffix(unit)? };
+            number_of(number)
+        };
+        let numbers: Vec<f64> = numbers.split(',').map(|text| number(text.trim())).collect::<Option<_>>()?;
+        plain += &format!("{name}({}) ", numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" "));
+    }
+    Some(plain)
 }
 
 /// The point that `transform-origin` names, in user units.

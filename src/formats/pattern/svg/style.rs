@@ -69,6 +69,7 @@ pub(super) struct Style {
     pub(super) letter_spacing: f64,
     pub(super) keeps_blanks: bool,
     pub(super) is_vertical: bool,
+    pub(super) is_right_to_left: bool,
     pub(super) word_spacing: f64,
     pub(super) letter_case: LetterCase,
     /// The area and the stroke of the element that copies this one, for `context-fill` and `context-stroke`.
@@ -93,6 +94,8 @@ pub(super) struct Style {
     pub(super) mask: Option<Rc<str>>,
     pub(super) filter: bool,
     pub(super) transform: Option<Rc<str>>,
+    /// The transform is written in CSS, with units.
+    pub(super) is_css_transform: bool,
     pub(super) transform_origin: Option<Rc<str>>,
     /// The transform refers to the element's own bounds.
     pub(super) has_own_box: bool,
@@ -164,6 +167,7 @@ impl Default for Style {
             letter_spacing: 0.0,
             keeps_blanks: false,
             is_vertical: false,
+            is_right_to_left: false,
             word_spacing: 0.0,
             letter_case: LetterCase::AsWritten,
             context_paints: [Paint::None; 2],
@@ -180,6 +184,7 @@ impl Default for Style {
             mask: None,
             filter: false,
             transform: None,
+            is_css_transform: false,
             transform_origin: None,
             has_own_box: false,
             is_moved_by_css: false,
@@ -221,9 +226,8 @@ fn kind(name: &str) -> Option<Kind> {
         | "stroke-linejoin" | "stroke-miterlimit" | "visibility" | "color" | "marker" | "marker-start"
         | "marker-mid" | "marker-end" => Kind::Paint,
         "font" | "font-size" | "text-anchor" | "letter-spacing" | "word-spacing" | "text-transform"
-        | "font-variant" | "font-variant-caps" | "white-space" | "writing-mode" | "dominant-baseline" => {
-            Kind::Text
-        }
+        | "font-variant" | "font-variant-caps" | "white-space" | "writing-mode" | "direction"
+        | "dominant-baseline" => Kind::Text,
         "baseline-shift" | "alignment-baseline" | "text-decoration" | "text-decoration-line" => Kind::OwnText,
         "opacity" | "display" | "clip-path" | "mask" | "mask-image" | "filter" | "transform"
         | "transform-origin" | "transform-box" | "translate" | "rotate" | "scale" | "offset"
@@ -856,6 +860,14 @@ impl Style {
             "writing-mode" => {
                 set!(is_vertical, Some(word.starts_with("tb") || word.starts_with("vertical")));
             }
+            "direction" => set!(
+                is_right_to_left,
+                match word {
+                    "ltr" => Some(false),
+                    "rtl" => Some(true),
+                    _ => None,
+                }
+            ),
             "opacity" => set!(opacity, alpha(value)),
             // Every other value of CSS draws the element; single words that are none are ignored.
             "display" => match word {
@@ -878,7 +890,11 @@ impl Style {
             "transform-origin" => set!(transform_origin, Some(Some(value.into()))),
             "transform-box" => set!(has_own_box, Some(word != "view-box")),
             "filter" => set!(filter, Some(word != "none")),
-            "transform" => set!(transform, Some(Some(value.into()))),
+            "transform" => {
+                set!(transform, Some(Some(value.into())));
+                self.is_css_transform =
+                    source.as_ref().map_or(given.is_css, |source| source.is_css_transform);
+            }
             "vector-effect" => set!(fixed_width, Some(word == "non-scaling-stroke")),
             "dominant-baseline" => {
                 set!(dominant_baseline, baseline(word));

@@ -241,6 +241,10 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
             self.unread =
                 Some("it is written vertically: convert it to paths (Path > Object to Path)".into());
         }
+        if style.is_right_to_left {
+            self.unread =
+                Some("it is written from right to left: convert it to paths (Path > Object to Path)".into());
+        }
         if style.letter_case == LetterCase::Unread {
             self.unread =
                 Some("its letters are changed to capitals: write capitals, or convert it to paths".into());
@@ -278,6 +282,10 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
                 let own = self.walk.style(child, &context.with_style(style))?;
                 match child.tag_name().name() {
                     "tspan" | "a" if own.displayed => {
+                        if own.opacity == 0.0 {
+                            self.unread =
+                                Some("a part of it is fully transparent (opacity): delete that part".into());
+                        }
                         self.element(child, &Rc::new(own), context, depth + 1)?
                     }
                     "textPath" | "tref" | "altGlyph" if own.displayed => {

@@ -242,7 +242,8 @@ impl<'a, 'd> Walk<'a, 'd> {
             self.skip(root, NO_LAYER, "it is hidden (display: none)".into(), Missing::Hidden);
             return Ok(());
         }
-        match self.enter(root, &outer, style, NO_LAYER.into())? {
+        let Some(context) = self.enter(root, &outer, style, NO_LAYER.into())? else { return Ok(()) };
+        match self.clipped(root, context)? {
             Some(context) => self.children(root, &context),
             None => Ok(()),
         }
@@ -299,16 +300,15 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
         let Some(context) = self.enter(node, outer, style, layer)? else { return Ok(()) };
         let tag = node.tag_name().name();
+        if tag == "svg" {
+            return match self.box_of(node, &context, None) {
+                Ok(sides) => self.nested(node, &context, sides),
+                Err(why) => self.unread(node, &context, why),
+            };
+        }
+        let Some(context) = self.clipped(node, context)? else { return Ok(()) };
         match tag {
             "g" | "a" => self.children(node, &context),
-            "svg" => {
-                let [x, y, width, height] = match self.box_of(node, &context, None) {
-                    Ok(sides) => sides,
-                    Err(why) => return self.unread(node, &context, why),
-                };
-                let inner = self.nested(node, &context, [x, y], Vector2::new(width, height))?;
-                self.children(node, &inner)
-            }
             "switch" => match node.children().find(|child| is_svg(*child) && is_eligible(*child)) {
                 Some(child) => self.element(child, &context),
                 None => Ok(()),
@@ -351,7 +351,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
     }
 
-    /// What an element with a style passes on to its children; nothing if it is not drawn.
+    /// What an element with a style passes on to its children, not cut by its clip path; nothing if it is not drawn.
     fn enter(
         &mut self,
         node: Node<'a, 'd>,
@@ -383,7 +383,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             self.skip(node, &layer, "it is scaled to nothing".into(), Missing::Nothing);
             return Ok(None);
         }
-        let mut context = Context {
+        let context = Context {
             map,
             opacity,
             layer,
@@ -398,6 +398,15 @@ impl<'a, 'd> Walk<'a, 'd> {
             }
             return Ok(None);
         }
+        Ok(Some(context))
+    }
+
+    /// Cuts an element by its clip path, which is in the units of its content; nothing if it is not drawn.
+    fn clipped(
+        &mut self,
+        node: Node<'a, 'd>,
+        mut context: Context,
+    ) -> Result<Option<Context>, PatternReadError> {
         if let Some(id) = context.style.clip.clone()
             && let Some(clip) =
                 self.ids.get(&*id).copied().filter(|node| node.tag_name().name() == "clipPath")
@@ -512,19 +521,13 @@ impl<'a, 'd> Walk<'a, 'd> {
         if !style.displayed {
             return Ok(());
         }
-        if let Some(why) = style.unread_own() {
-            let why = why.to_owned();
-            return self.unread(node, context, why);
-        }
-        let opacity = context.opacity * style.opacity;
-        let inner = Context { style, opacity, ..context.clone() };
-        let [x, y, width, height] = match self.box_of(target, &inner, Some((node, context))) {
-            Ok(sides) => sides,
-            Err(why) => return self.unread(node, context, why),
+        let Some(inner) = self.enter(target, context, style, context.layer.clone())? else {
+            return Ok(());
         };
-        let at = if target.tag_name().name() == "svg" { [x, y] } else { [0.0, 0.0] };
-        let inner = self.nested(target, &inner, at, Vector2::new(width, height))?;
-        self.children(target, &inner)
+        match self.box_of(target, &inner, Some((node, context))) {
+            Ok(sides) => self.nested(target, &inner, sides),
+            Err(why) => self.unread(node, context, why),
+        }
     }
 
     /// Position and size of a nested drawing, in units of the element; the size may come from the `use`.
@@ -548,16 +551,16 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
     }
 
-    /// The context inside a nested drawing at a place, with its `viewBox`. What is outside its edges is cut off, as
+    /// Draws a nested drawing of this position and size, with its `viewBox`. What is outside its edges is cut off, as
     /// programs show it, unless `overflow` allows it.
     fn nested(
-        &self,
+        &mut self,
         node: Node<'a, 'd>,
         context: &Context,
-        at: [f64; 2],
-        size: Vector2<f64>,
-    ) -> Result<Context, PatternReadError> {
-        let shift = Affine { linear: Matrix2::identity(), offset: Vector2::from(at) };
+        [x, y, width, height]: [f64; 4],
+    ) -> Result<(), PatternReadError> {
+        let size = Vector2::new(width, height);
+        let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
         let map = context.map.after(&shift);
         let mut inner = match view_box(node) {
             Some(view) => Context {
@@ -577,7 +580,10 @@ impl<'a, 'd> Walk<'a, 'd> {
             }
             inner.clip_to(vec![edges]);
         }
-        Ok(inner)
+        match self.clipped(node, inner)? {
+            Some(inner) => self.children(node, &inner),
+            None => Ok(()),
+        }
     }
 
     /// A size or position in user units, if the element has it, or why it cannot be read.
