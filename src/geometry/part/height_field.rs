@@ -165,7 +165,7 @@ impl Uncertainty {
 
     /// That of a `slope`, rad, that changes its sign over `reach`, mm: the height is the sagitta of an arc that leaves its chord at this
     /// angle.
-    pub(super) fn over(slope: f32, reach: f32) -> Self {
+    pub(crate) fn over(slope: f32, reach: f32) -> Self {
         Self { slope, height: slope * reach / 4.0 }
     }
 

@@ -45,8 +45,8 @@ const AT_POINT: f64 = 0.5;
 /// Noise that is left and bend that smoothing adds, in units of the former.
 const SMOOTHING_AND_NOISE: f64 = 1.5;
 
-/// How much more than the differences between the surfaces of all points and of every other one may be open.
-const OF_HALVES: f64 = 1.25;
+/// The scatter of the points explains differences of slopes that are so many times as large as the error of the slope that it leaves.
+const OF_SCATTER: f64 = 2.0;
 
 /// A smoothed scan.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,8 +149,10 @@ impl SmoothedScan {
         let at_node = |node: usize| {
             let Some((_, smoothed)) = surfaces.get(owners[node]) else { return Uncertainty::NONE };
             let columns = field.size().0;
-            of_surfaces[owners[node]]
-                .largest(between_points(smoothed, field.position(node % columns, node / columns)))
+            let (wave, scatter) =
+                (regions[owners[node]].wave(seen.cells.spacing()), of_surfaces[owners[node]]);
+            let at = field.position(node % columns, node / columns);
+            scatter.largest(between_points(smoothed, scatter, wave, at))
         };
         let uncertainties = mapped(fork, owners.len(), at_node);
         let used = regions.iter().map(|region| region.points).sum();
@@ -174,13 +176,17 @@ impl ScanRegion {
     /// σ√A·k₀²/√(16π) of the slope in a direction and σ√A·k₀/4 of the height. The smoothing chosen from the points bends
     /// the surface by about as much as the noise that it leaves.
     fn uncertainty(&self, spacing: f64) -> Uncertainty {
-        // Without smoothing the shortest wave is two points long.
-        let wave_number = TAU / self.wavelength.unwrap_or(0.0).max(2.0 * spacing);
+        let wave_number = TAU / self.wave(spacing);
         let noise = SMOOTHING_AND_NOISE * self.noise * spacing;
         Uncertainty {
             slope: (noise * wave_number.powi(2) / (16.0 * PI).sqrt()) as f32,
             height: (noise * wave_number / 4.0) as f32,
         }
+    }
+
+    /// The shortest wave that the surface follows, mm: without smoothing, it is two points long.
+    fn wave(&self, spacing: f64) -> f64 {
+        self.wavelength.unwrap_or(0.0).max(2.0 * spacing)
     }
 
     fn new(region: &Region, smoothed: &Smoothed, smoothing: Smoothing) -> Self {
@@ -212,13 +218,16 @@ fn without_copies(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
 }
 
 /// How far the surface may be from the part between its points: what every other point leaves open is no less than what all leave.
-fn between_points(smoothed: &Smoothed, at: ViewPoint) -> Uncertainty {
-    let (height, gradient) = (smoothed.nurbs.height(at), smoothed.nurbs.gradient(at));
-    let from = |half: &NurbsSurface| Uncertainty {
-        slope: (OF_HALVES * (half.gradient(at) - gradient).norm()) as f32,
-        height: (OF_HALVES * (half.height(at) - height).abs()) as f32,
-    };
-    smoothed.of_halves.iter().map(from).fold(Uncertainty::NONE, Uncertainty::largest)
+/// Where the slopes of these surfaces happen to agree their heights differ, and the other way round; the shortest `wave` of both, mm,
+/// relates one to the other. Differences that the scatter of the points explains are not counted again.
+fn between_points(smoothed: &Smoothed, scatter: Uncertainty, wave: f64, at: ViewPoint) -> Uncertainty {
+    let normal = |nurbs: &NurbsSurface| nurbs.gradient(at).fixed_resize::<3, 1>(-1.0);
+    let (height, facing) = (smoothed.nurbs.height(at), normal(&smoothed.nurbs));
+    let off =
+        |half: &NurbsSurface| normal(half).angle(&facing).max(4.0 * (half.height(at) - height).abs() / wave);
+    let slope = smoothed.of_halves.iter().map(off).fold(0.0, f64::max);
+    let explained = OF_SCATTER * f64::from(scatter.slope);
+    Uncertainty::over((slope * slope - explained * explained).max(0.0).sqrt() as f32, wave as f32)
 }
 
 /// The height field of all surfaces: nodes that have points of a surface on all sides, within `widest` mm or a few points; and for
