@@ -663,3 +663,26 @@ fn a_scan_with_steep_sides_is_marked() {
         assert!(error < 0.5 && !output.err.contains("dropped"), "{}", output.err);
     }
 }
+
+/// Points about 2 mm apart on a tube with a radius of 12 mm, without any noise.
+#[test]
+fn a_scan_with_few_points_is_said_to_be_sparse() {
+    let desk = Desk::new();
+    let mut state = 7u64;
+    let mut along = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        40.0 * ((state >> 11) as f64 / (1u64 << 53) as f64) - 20.0
+    };
+    let mut text = String::new();
+    for _ in 0..300 {
+        let (x, y) = (along(), along());
+        let across = x.hypot(y - 40.0) - 40.0;
+        text += &format!("{x:.5} {y:.5} {:.5}\n", (144.0 - across * across).max(0.0).sqrt());
+    }
+    desk.write("tube.xyz", text);
+    let lines = r#"<path d="M0 0H16M0 4H16M0 8H16M0 0V8M8 0V8M16 0V8" fill="none" stroke="black"/>"#;
+    let size = r#"width="16mm" height="8mm" viewBox="0 0 16 8""#;
+    desk.write("lines.svg", format!(r#"<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>"#));
+    let output = desk.isomark(&["correct", "tube.xyz", "lines.svg", "--place", "0,0", "-o", "out.dxf"]);
+    assert!(output.err.contains("points of the scan are sparse"), "{}", output.err);
+}
