@@ -19,33 +19,45 @@ const SLIVER: f64 = 0.005;
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// For each position, the number of its place, from 0 in the order of first appearance. Positions closer together than
-/// [`WELD_DISTANCE`] share a place, and so do those that others between them connect in such steps.
+/// [`WELD_DISTANCE`] to the first one at a place share it, and so do places that a position between them connects.
 pub(crate) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
-    // Open addressing with at most half of the slots used; each slot holds the first item at its position.
+    // Open addressing with at most half of the slots used; each slot holds the first item at its place. No two of these are closer
+    // together than the distance, so that a cell has few of them however many positions are in it.
     let mut first = vec![NONE; (positions.len() * 2).next_power_of_two()];
+    let slots = first.len();
     let mut numbers = vec![0; positions.len()];
     let mut count = 0;
-    let mut close: Vec<[u32; 2]> = Vec::new();
+    let mut connected: Vec<[u32; 2]> = Vec::new();
     for (index, here) in positions.iter().enumerate() {
         let cell = Cell::of(here);
         let apart = |slot: usize| (positions[first[slot] as usize] - here).norm_squared();
+        let number = |slot: usize| numbers[first[slot] as usize];
         if let Some(same) = chain(&first, cell.number).find(|&slot| apart(slot) == 0.0) {
-            numbers[index] = numbers[first[same] as usize];
+            numbers[index] = number(same);
             continue;
         }
-        for number in cell.within_reach() {
-            let reached = chain(&first, number).filter(|&slot| apart(slot) < WELD_DISTANCE * WELD_DISTANCE);
-            close.extend(reached.map(|slot| [numbers[first[slot] as usize], count]));
+        let is_close = |&slot: &usize| apart(slot) < WELD_DISTANCE * WELD_DISTANCE;
+        let place = {
+            let chains = cell.within_reach().flat_map(|number| chain(&first, number));
+            let mut close = chains.filter(is_close).map(number);
+            let place = close.next();
+            if let Some(place) = place {
+                connected.extend(close.map(|other| [place, other]));
+            }
+            place
+        };
+        if let Some(place) = place {
+            numbers[index] = place;
+            continue;
         }
-        let free = first_slot(cell.number, first.len()) + chain(&first, cell.number).count();
-        let slots = first.len();
+        let free = first_slot(cell.number, slots) + chain(&first, cell.number).count();
         first[free & (slots - 1)] = index as u32;
         numbers[index] = count;
         count += 1;
     }
-    if !close.is_empty() {
+    if !connected.is_empty() {
         let mut places = DisjointSets::new(count as usize);
-        close.into_iter().for_each(|[one, other]| places.join(one as usize, other as usize));
+        connected.into_iter().for_each(|[one, other]| places.join(one as usize, other as usize));
         let (places, _) = places.numbered();
         numbers.iter_mut().for_each(|number| *number = places[*number as usize]);
     }
@@ -289,6 +301,21 @@ mod tests {
             assert_eq!(along(&[0.0, 8e-4]), [0, 1], "{first}");
             assert_eq!(along(&[0.0, 8e-4, 4e-4]), [0, 0, 0], "{first}");
             assert_eq!(along(&[0.0, 2e-3, 4e-4, 1e-3, 2e-3]), [0, 1, 0, 2, 1], "{first}");
+        }
+    }
+
+    #[test]
+    fn positions_that_are_crowded_have_few_places() {
+        // A ball of the size of the distance, and one that is ten times as large: as of a part in a wrong unit.
+        for (radius, most) in [(0.4 * WELD_DISTANCE, 1), (5.0 * WELD_DISTANCE, 400)] {
+            let at = |index: u32| {
+                let [turn, height] = [2.4 * f64::from(index), f64::from(index) / 10_000.0 - 1.0];
+                let across = (1.0 - height * height).max(0.0).sqrt();
+                Point3::new(turn.cos() * across, turn.sin() * across, height) * radius
+            };
+            let places = weld(&(0..20_000).map(at).collect::<Vec<_>>());
+            let count = 1 + places.iter().max().unwrap();
+            assert!((1..=most).contains(&count), "{count} places");
         }
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector2};
 
+use super::adjacency::weld;
 use super::height_field::{Grid, HeightField, Node};
 use crate::geometry::space::{View, ViewPoint};
 
@@ -69,19 +70,18 @@ impl MarkRegion {
     }
 }
 
-/// The ends of a side of a face, in an order that does not depend on the face.
-type Ends = [[u64; 3]; 2];
-
 /// The sides of faces that no other face shares.
 fn borders(faces: &[[Point3<f64>; 3]]) -> impl Iterator<Item = [Point3<f64>; 2]> {
-    // Adding zero turns -0 into 0, which is the same place.
-    let key = |point: &Point3<f64>| -> [u64; 3] { point.coords.map(|value| (value + 0.0).to_bits()).into() };
-    let mut sides: BTreeMap<Ends, (usize, [Point3<f64>; 2])> = BTreeMap::new();
-    for [a, b, c] in faces {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            let mut ends = [key(from), key(to)];
-            ends.sort_unstable();
-            sides.entry(ends).or_insert((0, [*from, *to])).0 += 1;
+    let corners = faces.as_flattened();
+    let places = weld(corners);
+    let mut sides: BTreeMap<[u32; 2], (usize, [Point3<f64>; 2])> = BTreeMap::new();
+    for corner in 0..corners.len() {
+        let next = corner / 3 * 3 + (corner + 1) % 3;
+        let mut ends = [places[corner], places[next]];
+        ends.sort_unstable();
+        // A face with two corners at one place is between its neighbours.
+        if ends[0] != ends[1] {
+            sides.entry(ends).or_insert((0, [corners[corner], corners[next]])).0 += 1;
         }
     }
     sides.into_values().filter(|(count, _)| count % 2 == 1).map(|(_, ends)| ends)
@@ -155,5 +155,28 @@ fn cover(is_inside: &mut [bool], face: &[Point3<f64>; 3], field: &HeightField) {
             Node::Empty => false,
             Node::Wall(top) | Node::Surface(top) => height >= top - HIDDEN,
         };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::shapes;
+
+    #[test]
+    fn faces_whose_corners_differ_by_rounding_have_no_border_between_them() {
+        let view = View::top();
+        let part = FacingPart::new(&shapes::graph(20.0, 1.0, |_, _| 0.0), &view);
+        let field = part.sample(&Grid::over(&part.extents(), 0.5)).field;
+        let corner = |x: f64, y: f64| Point3::new(x, y, 0.0);
+        let [a, b, c, d] = [corner(-8.0, -8.0), corner(8.0, -8.0), corner(8.0, 8.0), corner(-8.0, 8.0)];
+        for rounding in [0.0, 1e-6, 1e-4] {
+            let moved = |at: Point3<f64>| at + nalgebra::Vector3::new(rounding, -rounding, rounding);
+            let region = MarkRegion::seen(&[[a, b, c], [moved(a), moved(c), moved(d)]], &view, &field);
+            // The diagonal is near the middle, the sides are far.
+            let distance = region.distance(ViewPoint::new(0.0, 0.0));
+            assert!(distance > 0.99 * region.farthest(), "{distance} mm with a rounding of {rounding} mm");
+        }
     }
 }

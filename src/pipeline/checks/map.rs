@@ -218,7 +218,7 @@ pub(in crate::pipeline) fn uncertain(
         let (cause, remedy) = match &facts.scan {
             // Smoothing leaves less of the noise than there is.
             Some(scan) if scan.surfaces.iter().all(|surface| uncertain.max_height > surface.noise_mm) => {
-                ("the points of the scan are sparse for its bends", "Scan with more points.")
+                ("the points of the scan are sparse where the part bends", "Scan with more points.")
             }
             Some(_) => ("the points of the scan scatter", "Scan with less noise or more points."),
             None => ("the part's facets are coarse", finer_facets(facts)),

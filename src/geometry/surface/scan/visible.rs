@@ -467,14 +467,8 @@ fn regions(
         let nearest = || cells.window(cell).map(|near| place[labels[near] as usize]).min();
         let index = if own == usize::MAX { nearest().unwrap_or(own) } else { own };
         let Some(region) = regions.get_mut(index) else { continue };
-        let mut last = None;
-        for &at in cells.points(cell) {
-            let point = points[at as usize];
-            // A repeated point is one measurement.
-            if hidden[at as usize] || last.replace(point) == Some(point) {
-                continue;
-            }
-            region.points.push(point);
+        for &at in cells.points(cell).iter().filter(|&&at| !hidden[at as usize]) {
+            region.points.push(points[at as usize]);
             region.cells.push(cell);
             region.trusted.push(own != usize::MAX && trusted(cell, at));
         }
