@@ -371,7 +371,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "facets-coarse",
-        "The part's facets, or noise or gaps between the points of a scan, leave its surface uncertain under the drawing.",
+        "The part's facets, or the points of a scan, leave its surface uncertain under the drawing.",
         "The vertices of a mesh are on the part; between them isomark continues the surface smoothly. Where neighbouring \
          facets lead to different slopes, the true surface is not known exactly. The reported errors of lengths, areas \
          and angles contain this uncertainty (`uncertain` in the report), and here it is most of the length error.",
