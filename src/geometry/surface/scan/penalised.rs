@@ -43,6 +43,10 @@ const FINEST_NOISE: f64 = 0.01;
 const FULL_TO_ZERO_WEIGHT: [f64; 2] = [3.0, 6.0];
 /// Maximum number of rounds of weighting and smoothing; two or three are usual.
 const MAX_ROUNDS: usize = 6;
+/// The search for the wavelength starts with steps of this factor, …
+const APART: f64 = 1.6;
+/// … and ends with steps of this power of it. A search from the wavelength of the last round starts with them.
+const SMALLEST_STEP: f64 = 0.125;
 /// A mean deviation of a neighbourhood beyond this many of its standard errors is not noise.
 const SIGNIFICANT: f64 = 6.0;
 
@@ -134,9 +138,12 @@ pub(super) fn smooth(
     let mut weights: Vec<f64> = region.trusted.iter().map(|trusted| f64::from(*trusted)).collect();
     loop {
         let problem = Problem::new(region, cells, extents, knot_distance, fork)?;
-        let fit = problem.settle(&mut weights, smoothing)?;
-        let unresolved = fit.wavelength < RESOLVED * knot_distance && smoothing.follows_the_points();
-        if !unresolved || knot_distance <= 1.01 * finest {
+        let needs_finer = |fit: &Fit| {
+            let unresolved = fit.wavelength < RESOLVED * knot_distance && smoothing.follows_the_points();
+            unresolved && knot_distance > 1.01 * finest
+        };
+        let fit = problem.settle(&mut weights, smoothing, needs_finer)?;
+        if !needs_finer(&fit) {
             return Ok(problem.finish(fit, &weights));
         }
         knot_distance = finest.max(knot_distance / 2.0);
@@ -166,8 +173,13 @@ impl<'a> Problem<'a> {
         Ok(Self { region, cells, knots_x, knots_y, solver, order, mean })
     }
 
-    /// Alternates weighting and smoothing until both converge.
-    fn settle(&self, weights: &mut Vec<f64>, smoothing: Smoothing) -> Result<Fit, ScanError> {
+    /// Alternates weighting and smoothing until both converge, or need finer knots.
+    fn settle(
+        &self,
+        weights: &mut Vec<f64>,
+        smoothing: Smoothing,
+        needs_finer: impl Fn(&Fit) -> bool,
+    ) -> Result<Fit, ScanError> {
         let first = FIRST_LOOK * self.knots_x.step();
         let hardly_any = HARDLY_ANY * self.knots_x.step();
         let mut weighted = self.weighted(weights, PROBES);
@@ -175,18 +187,21 @@ impl<'a> Problem<'a> {
             Smoothing::LowPass { wavelength } => self.fit(&weighted, None, wavelength)?,
             Smoothing::Auto | Smoothing::None => self.fit(&weighted, None, first)?,
         };
-        for _ in 0..MAX_ROUNDS {
+        for round in 0..MAX_ROUNDS {
             let next = self.reweighed(&fit);
             let moved = weights.iter().zip(&next).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             *weights = next;
             weighted = self.weighted(weights, PROBES);
             let before = fit.wavelength;
             fit = match smoothing {
-                Smoothing::Auto => self.best(&weighted, &fit)?,
+                Smoothing::Auto => {
+                    self.best(&weighted, &fit, if round == 0 { 1.0 } else { SMALLEST_STEP })?
+                }
                 Smoothing::LowPass { wavelength } => self.fit(&weighted, None, wavelength)?,
                 Smoothing::None => self.fit(&weighted, None, first)?,
             };
-            if moved < 0.05 && (fit.wavelength / before).ln().abs() < 0.05 {
+            let is_settled = moved < 0.05 && (fit.wavelength / before).ln().abs() < 0.05;
+            if is_settled || needs_finer(&fit) {
                 break;
             }
         }
@@ -196,33 +211,35 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The fit with the smallest score, searched from the last wavelength: in steps of a factor of 1.6 between almost
-    /// no smoothing and the whole region, then in smaller steps.
-    fn best(&self, weighted: &Weighted, last: &Fit) -> Result<Fit, ScanError> {
-        const APART: f64 = 1.6;
+    /// The fit with the smallest score, searched from the last wavelength between almost no smoothing and the whole region: first in
+    /// steps of so many times a factor of 1.6, which grow up to that factor, then in smaller ones.
+    fn best(&self, weighted: &Weighted, last: &Fit, step: f64) -> Result<Fit, ScanError> {
         let spans = self.knots_x.spans().max(self.knots_y.spans()) as f64;
         let wavelengths = HARDLY_ANY * self.knots_x.step()..=LONGEST.min(2.0 * spans) * self.knots_x.step();
         let fit = |wavelength: f64| self.fit(weighted, Some(&last.nurbs), wavelength);
         let mut best = fit(last.wavelength.clamp(*wavelengths.start(), *wavelengths.end()))?;
-        let is_better = |factor: f64, best: &mut Fit| {
-            let wavelength = best.wavelength * factor;
+        let is_better = |step: f64, best: &mut Fit| {
+            let wavelength = best.wavelength * APART.powf(step);
             let better = wavelengths.contains(&wavelength).then(|| fit(wavelength).ok()).flatten();
             let better = better.filter(|fit| fit.score < best.score);
             better.map(|fit| *best = fit).is_some()
         };
+        let mut step = step;
         // Descend in one direction: the score has one minimum, or is flat towards no smoothing.
-        for factor in [1.0 / APART, APART] {
+        for direction in [-1.0, 1.0] {
             let mut moved = false;
-            while is_better(factor, &mut best) {
+            while is_better(direction * step, &mut best) {
                 moved = true;
+                step = (2.0 * step).min(1.0);
             }
             if moved {
                 break;
             }
         }
-        for step in [APART.powf(0.5), APART.powf(0.25), APART.powf(0.125)] {
+        while step > SMALLEST_STEP {
+            step /= 2.0;
             if !is_better(step, &mut best) {
-                is_better(1.0 / step, &mut best);
+                is_better(-step, &mut best);
             }
         }
         Ok(best)
