@@ -3,7 +3,7 @@ use crate::reason::Severity;
 
 /// A part with corners at 0 and `size`, in the file's numbers.
 fn corners(size: [f64; 3]) -> Corners {
-    Corners { min: Vector3::zeros(), size: Vector3::from(size), dust: [0; 3] }
+    Corners { min: Vector3::zeros(), size: Vector3::from(size), is_turned_back: false }
 }
 
 fn clues(format: MeshFormat, producer: &str) -> Clues {
@@ -67,15 +67,65 @@ fn unit_and_axis_of_obj_files_depend_on_their_producer() {
 #[test]
 fn rounding_or_the_base_plane_shows_the_axis_of_blender_obj_files_in_mm() {
     let blender = clues(Obj, "Blender 5.2.3 LTS");
-    let standing = |min: [f64; 3], dust| {
+    let standing = |min: [f64; 3], is_turned_back| {
         let size = Vector3::new(66.0, 66.0, 115.0);
-        decided(&blender, &Corners { min: Vector3::from(min), size, dust }).1
+        decided(&blender, &Corners { min: Vector3::from(min), size, is_turned_back }).1
     };
-    assert_eq!(standing([-33.0, -33.0, 0.1], [0; 3]), Z);
-    assert_eq!(standing([-33.0, 0.1, -33.0], [0; 3]), Y);
-    assert_eq!(standing([-33.0, -33.0, -50.0], [0; 3]), Y);
-    assert_eq!(standing([-33.0, -33.0, -50.0], [0, 4, 2]), Z);
-    assert_eq!(standing([-33.0, -33.0, -50.0], [1, 4, 2]), Y);
+    assert_eq!(standing([-33.0, -33.0, 0.1], false), Z);
+    assert_eq!(standing([-33.0, 0.1, -33.0], false), Y);
+    assert_eq!(standing([-33.0, -33.0, -50.0], false), Y);
+    assert_eq!(standing([-33.0, -33.0, -50.0], true), Z);
+}
+
+#[test]
+fn only_the_rounding_of_a_rotation_shows_that_blender_imported_an_obj_with_z_up() {
+    let is_turned_back = |positions: &[[f64; 3]]| {
+        let positions: Vec<Point3<f64>> = positions.iter().map(|&position| position.into()).collect();
+        Corners::of(&positions, &[[0, 1, 2]]).is_turned_back
+    };
+    // From Blender 4.5: balls of R 40 and R 12, imported with Z up as if Y were up.
+    let ball = [
+        [0.0, -0.000003, -40.0],
+        [10.352762, -0.000003, -38.637032],
+        [20.0, -0.000002, -20.0],
+        [38.637032, -0.000001, -10.352762],
+        [20.0, 34.641014, -0.000003],
+        [34.641014, 20.0, -0.000002],
+        [38.637032, -10.352762, 0.000001],
+        [0.0, 0.000003, 40.0],
+    ];
+    let small = [
+        [0.0, -0.000001, -12.0],
+        [3.105829, -0.000001, -11.59111],
+        [6.0, 10.392305, -0.000001],
+        [12.0, 0.0, 3.1],
+    ];
+    assert!(is_turned_back(&ball) && is_turned_back(&small));
+    // From Blender 4.5 as well, modelled there: an ico sphere, a subdivided box, and a box with loop cuts.
+    let ico = [
+        [0.0, -30.0, 0.0],
+        [25.519434, -15.772077, 0.000001],
+        [28.531738, 0.0, 9.27038],
+        [0.0, 0.0, 29.999998],
+        [-25.519434, 15.772077, -0.000001],
+        [24.270576, -0.000001, -17.633463],
+    ];
+    let subdivided = [
+        [30.0, 0.0, 0.000001],
+        [-9.999999, 0.0, -16.666668],
+        [-26.66667, 1.666667, 0.0],
+        [10.000002, 27.259262, 0.0],
+    ];
+    let cut = [
+        [-39.0, 0.0, 17.0],
+        [39.0, 0.0, -17.0],
+        [-39.0, 0.0, 0.000001],
+        [-39.707104, 0.292893, -0.000001],
+        [-39.0, 12.0, -0.000001],
+    ];
+    assert!(!is_turned_back(&ico) && !is_turned_back(&subdivided) && !is_turned_back(&cut));
+    // Errors in x are none of this rotation.
+    assert!(!is_turned_back(&[&ball[..], &[[0.000003, 5.0, 5.0]]].concat()));
 }
 
 #[test]
