@@ -9,7 +9,8 @@ use isomark::formats::mesh::{
 };
 use isomark::geometry::height_field::{FacingPart, Grid, Node};
 use isomark::geometry::mesh::TriMesh;
-use isomark::geometry::space::View;
+use isomark::geometry::space::{View, ViewPoint};
+use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::{Point3, Vector3};
 
 use super::forms::{CYLINDER, Normals, SPHERE};
@@ -104,6 +105,61 @@ fn facets_are_marked_exactly_as_they_are() {
             let round = read(&text, NormalsChoice::Auto);
             assert!(off(&round, cylinder) < 0.02, "{sides} sides: {} mm", off(&round, cylinder));
         }
+    }
+}
+
+/// The upper half of a ball of 30 mm with so many sides to the whole round and a pole above: corners first.
+fn facetted_ball(sides: u32) -> TriMesh {
+    let at = |ring: u32, side: u32| {
+        let [from_pole, round] = [ring, side].map(|part| TAU * f64::from(part) / f64::from(sides));
+        Point3::new(from_pole.sin() * round.cos(), from_pole.sin() * round.sin(), from_pole.cos()) * 30.0
+    };
+    let rings = sides / 4;
+    let mut points = vec![at(0, 0)];
+    for ring in 1..=rings {
+        points.extend((0..sides).map(|side| at(ring, side)));
+    }
+    let number = |ring: u32, side: u32| if ring == 0 { 0 } else { 1 + (ring - 1) * sides + side % sides };
+    let mut triangles = Vec::new();
+    for (ring, side) in (0..rings).flat_map(|ring| (0..sides).map(move |side| (ring, side))) {
+        let [a, b] = [number(ring, side), number(ring, side + 1)];
+        let [c, d] = [number(ring + 1, side), number(ring + 1, side + 1)];
+        triangles.push([a, c, d]);
+        if ring > 0 {
+            triangles.push([a, d, b]);
+        }
+    }
+    TriMesh::new(points, Vec::new(), triangles).unwrap()
+}
+
+#[test]
+fn a_fit_to_flat_facets_has_no_pits_at_their_corners() {
+    for sides in [24, 32, 64] {
+        let ball = facetted_ball(sides);
+        // The ball is convex: each point of its upper side is on the lowest of the planes of its facets.
+        let plane = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|corner| ball.positions()[corner as usize]);
+            (a, (b - a).cross(&(c - a)))
+        };
+        let planes: Vec<(Point3<f64>, Vector3<f64>)> = ball.triangles().iter().map(plane).collect();
+        let height = |at: ViewPoint| {
+            let over = planes.iter().map(|(a, n)| a.z - (n.x * (at.x - a.x) + n.y * (at.y - a.y)) / n.z);
+            over.fold(f64::INFINITY, f64::min)
+        };
+        let reading = read(&obj(&ball, &[]), NormalsChoice::Facets);
+        let part = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
+        let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+        let mut off = 0.0f64;
+        for (column, row, _) in surface.field.surface_nodes() {
+            let at = surface.field.position(column, row);
+            if at.x.hypot(at.y) < 18.0 {
+                off = off.max((surface.jet(at).height - height(at)).abs());
+            }
+        }
+        // A span is off a ridge by at most its length times a quarter of the turn, on a side that leans by up to 37 degrees.
+        let span = 2.0 * surface.field.step();
+        let most = span * TAU / f64::from(sides) / 4.0 / 37f64.to_radians().cos();
+        assert!(off < most, "{sides} sides: {off} mm off the facets, {most} mm allowed");
     }
 }
 

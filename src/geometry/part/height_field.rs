@@ -111,6 +111,7 @@ impl SeenNodes<'_> {
 pub struct FacingPart<'f> {
     fork: &'f dyn Fork,
     mesh: SmoothMesh,
+    is_facetted: bool,
     /// The exact faces, if they are known; the mesh is empty then.
     faces: Option<SeenSolid>,
     extents: Extents,
@@ -263,10 +264,11 @@ impl<'f> FacingPart<'f> {
         // The table of continuing sides is large and no longer needed.
         let smooth = || SmoothMesh { continued: Vec::new(), ..SmoothMesh::of_single(mesh, view, fork) };
         // Threads do not share the memory that they free, and large meshes take much of it.
+        let is_facetted = mesh.is_facetted();
         let mesh = if mesh.triangles().len() > LARGE { smooth() } else { start(fork, smooth) };
         // Each vertex is a corner of a triangle.
         let extents = Extents::of(mesh.positions.iter().map(|position| position.coords.xy()));
-        Self { fork, mesh, faces: None, extents }
+        Self { fork, mesh, is_facetted, faces: None, extents }
     }
 
     /// The exact faces of a solid as the `view` shows them; `mesh` is a tessellation of it, which gives its extents.
@@ -275,7 +277,7 @@ impl<'f> FacingPart<'f> {
         let extents =
             Extents::of(corners.map(|&index| view.point(mesh.positions()[index as usize]).coords.xy()));
         let faces = SeenSolid::new(&solid.placed(&Placement::turned(view.rotation())));
-        Self { fork, mesh: SmoothMesh::default(), faces: Some(faces), extents }
+        Self { fork, mesh: SmoothMesh::default(), is_facetted: false, faces: Some(faces), extents }
     }
 
     /// Does halves of the work on this part at once.
@@ -286,6 +288,11 @@ impl<'f> FacingPart<'f> {
     /// The exact faces, if they are known.
     pub fn faces(&self) -> Option<&SeenSolid> {
         self.faces.as_ref()
+    }
+
+    /// Whether the part is exactly its flat facets ([`TriMesh::is_facetted`]).
+    pub(crate) fn is_facetted(&self) -> bool {
+        self.is_facetted
     }
 
     /// The bounding rectangle of the part in the view, mm.

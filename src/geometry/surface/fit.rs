@@ -204,7 +204,7 @@ impl FittedSurface {
     /// longer helps (facets do not become smoother).
     ///
     /// Nodes at an edge of the part are excluded, because no smooth surface passes through them; the residual includes
-    /// them.
+    /// them. A part that is exactly its flat facets is fitted with all nodes.
     ///
     /// # Errors
     /// When too little of the part faces the laser, when its width is less than 1/1000 of its length as the laser
@@ -228,7 +228,7 @@ impl FittedSurface {
         if let Some(skins) = samples.skins.filter(|skins| skins.share >= SKINS) {
             return Err(FitError::TwoSkins(skins));
         }
-        let (mut nurbs, mut residual) = Data::solved(&samples, part.fork(), |data| data.fit())?;
+        let (mut nurbs, mut residual) = Data::solved(part, &samples, |data| data.fit())?;
         let is_fine = |step: f64| part.spacing() <= RESOLVED * step;
         while (residual > options.tolerance || samples.bends_between(part.fork()) > options.tolerance)
             && spans < most_spans
@@ -241,7 +241,7 @@ impl FittedSurface {
             samples = part.sample(&samples.field.grid().halved());
             let halved = nurbs.halved();
             let (finer, left) =
-                Data::solved(&samples, part.fork(), |data| data.correct(halved.clone(), options.tolerance))?;
+                Data::solved(part, &samples, |data| data.correct(halved.clone(), options.tolerance))?;
             nurbs = finer;
             let before = std::mem::replace(&mut residual, left);
             // Facets do not get smoother. Detail that is finer than the samples shows only after they resolve it.
@@ -487,11 +487,16 @@ impl<'a> Data<'a> {
     /// What `solve` finds of the nodes beside the edges of the part, and its residual at them, mm; where these do not determine a
     /// surface, of all nodes.
     fn solved(
+        part: &'a FacingPart,
         samples: &'a PartSamples,
-        fork: &'a dyn Fork,
         solve: impl Fn(&Self) -> Result<NurbsSurface, FitError>,
     ) -> Result<(NurbsSurface, f64), FitError> {
-        let data = Self::beside(&samples.field, &samples.is_at_edge, EDGE_REACH, fork)?;
+        let fork = part.fork();
+        // Where every side of a facet is an edge, few or no nodes are left round a corner, and the surface would have a pit there.
+        let data = match part.is_facetted() {
+            true => Self::new(&samples.field, |_| true, fork)?,
+            false => Self::beside(&samples.field, &samples.is_at_edge, EDGE_REACH, fork)?,
+        };
         let (data, nurbs) = match solve(&data) {
             Err(FitError::Solve(_)) if data.used.iter().any(|used| !used) => {
                 let all = Self::new(&samples.field, |_| true, fork)?;
