@@ -228,7 +228,7 @@ fn wild_normals(wild: &WildNormals) -> Reason {
     Reason::new(
         "mesh-normals-wild",
         format!(
-            "{:.0} % of the side that faces the laser has normals that lean more than 78 deg from its facets.",
+            "{:.0} % of the side that faces the laser has normals that lean more than 66 deg from its facets.",
             wild.share * 100.0
         ),
         "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export the part again, or set \

@@ -1122,7 +1122,7 @@ const CODES: &[Code] = &[
     reason([
         "mesh-normals-wild",
         "The normals in the file are unrelated to the facets of the part.",
-        "A large share of the side that faces the laser has normals that lean more than 78 degrees from their facets. Such normals are \
+        "A large share of the side that faces the laser has normals that lean more than 66 degrees from their facets. Such normals are \
          damaged, and it is not known which of the two is right.",
         "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export again, or set `normals = \"estimate\"` \
          under [part] (`--normals estimate`), which takes them from the facets.",

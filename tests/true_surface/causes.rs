@@ -213,6 +213,11 @@ fn meshes_without_a_clear_meaning_are_refused_with_the_place() {
     assert_eq!(refused.code, "mesh-normals-wild");
     assert!(refused.place.coordinate.is_some() && refused.remedy.contains("estimate"), "{refused:?}");
     assert!(marked(obj(&dome, &normals), NormalsChoice::Estimate, 0.1).is_ok());
+    // The same if all of them lead out of the part.
+    let outward: Vec<Vector3<f64>> =
+        normals.iter().map(|normal| Vector3::new(normal.x, normal.y, normal.z.abs())).collect();
+    let refused = marked(obj(&dome, &outward), NormalsChoice::Auto, 0.1).unwrap_err();
+    assert_eq!(refused.code, "mesh-normals-wild");
     // A Möbius strip.
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     const STEPS: u32 = 60;

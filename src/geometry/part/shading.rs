@@ -51,8 +51,11 @@ const ALL_AVERAGES: f64 = 0.95;
 /// Sides nearer to the direction of a side than this, as a cosine, would bulge as far.
 const ALONGSIDE: f64 = 0.5;
 
-/// A normal whose angle to its facet has a smaller cosine than this (78°) is unrelated to it.
-const UNRELATED: f64 = 0.2;
+/// A normal whose angle to its facet has a smaller cosine than this (66°) is unrelated to it. The averages at the corners of a cube
+/// lean by 55°.
+const UNRELATED: f64 = 0.4;
+/// Facets whose angle to the laser has a smaller cosine than this (78°) do not count.
+const GRAZED: f64 = 0.2;
 /// The share of the visible area with unrelated normals above which none of the normals is trusted.
 pub const WILD: f64 = 0.3;
 /// Fewer triangles are no part.
@@ -78,7 +81,7 @@ pub fn wild_normals(mesh: &TriMesh, facing: &Vector3<f64>) -> Option<WildNormals
         let [a, b, c] = mesh.corners(triangle);
         let across = (b - a).cross(&(c - a));
         let size = across.norm();
-        if across.dot(facing) < UNRELATED * size {
+        if across.dot(facing) < GRAZED * size {
             continue;
         }
         for vertex in triangle {
