@@ -81,6 +81,8 @@ pub(super) struct Asking {
 struct Asked {
     wish: Wish,
     news: SyncSender<News>,
+    /// Whether the job was told that there will be none: notifications may come in pairs, and a person reads of it once.
+    is_over: bool,
 }
 
 impl Asking {
@@ -105,7 +107,7 @@ impl Asking {
                 // Another SKU has the same part.
                 return false;
             }
-            asked.insert(key.clone(), Asked { wish, news });
+            asked.insert(key.clone(), Asked { wish, news, is_over: false });
         }
         let sending = Duration::from_secs((task.len() / SENDING) as u64);
         let mut is_kept = false;
@@ -148,13 +150,15 @@ impl Asking {
     }
 
     pub(super) fn tell(&self, key: &CacheKey, news: News) {
-        if let Some(asked) = self.asked().get(key) {
-            let _ = asked.news.try_send(news);
+        if let Some(asked) = self.asked().get_mut(key) {
+            let is_told = asked.news.try_send(news).is_ok();
+            asked.is_over |= is_told && news == News::Over;
         }
     }
 
+    /// What a job waits for that has not heard that there will be none.
     fn wish(&self, key: &CacheKey) -> Option<Wish> {
-        self.asked().get(key).map(|asked| asked.wish.clone())
+        self.asked().get(key).filter(|asked| !asked.is_over).map(|asked| asked.wish.clone())
     }
 
     /// Leaves what the station asked for in an earlier connection.
