@@ -138,12 +138,9 @@ pub(super) fn smooth(
     let mut weights: Vec<f64> = region.trusted.iter().map(|trusted| f64::from(*trusted)).collect();
     loop {
         let problem = Problem::new(region, cells, extents, knot_distance, fork)?;
-        let needs_finer = |fit: &Fit| {
-            let unresolved = fit.wavelength < RESOLVED * knot_distance && smoothing.follows_the_points();
-            unresolved && knot_distance > 1.01 * finest
-        };
-        let fit = problem.settle(&mut weights, smoothing, needs_finer)?;
-        if !needs_finer(&fit) {
+        let fit = problem.settle(&mut weights, smoothing)?;
+        let unresolved = fit.wavelength < RESOLVED * knot_distance && smoothing.follows_the_points();
+        if !unresolved || knot_distance <= 1.01 * finest {
             return Ok(problem.finish(fit, &weights));
         }
         knot_distance = finest.max(knot_distance / 2.0);
@@ -173,13 +170,8 @@ impl<'a> Problem<'a> {
         Ok(Self { region, cells, knots_x, knots_y, solver, order, mean })
     }
 
-    /// Alternates weighting and smoothing until both converge, or need finer knots.
-    fn settle(
-        &self,
-        weights: &mut Vec<f64>,
-        smoothing: Smoothing,
-        needs_finer: impl Fn(&Fit) -> bool,
-    ) -> Result<Fit, ScanError> {
+    /// Alternates weighting and smoothing until both converge.
+    fn settle(&self, weights: &mut Vec<f64>, smoothing: Smoothing) -> Result<Fit, ScanError> {
         let first = FIRST_LOOK * self.knots_x.step();
         let hardly_any = HARDLY_ANY * self.knots_x.step();
         let mut weighted = self.weighted(weights, PROBES);
@@ -200,8 +192,7 @@ impl<'a> Problem<'a> {
                 Smoothing::LowPass { wavelength } => self.fit(&weighted, None, wavelength)?,
                 Smoothing::None => self.fit(&weighted, None, first)?,
             };
-            let is_settled = moved < 0.05 && (fit.wavelength / before).ln().abs() < 0.05;
-            if is_settled || needs_finer(&fit) {
+            if moved < 0.05 && (fit.wavelength / before).ln().abs() < 0.05 {
                 break;
             }
         }
