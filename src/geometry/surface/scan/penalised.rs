@@ -203,7 +203,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The fit with the smallest score, searched from the last wavelength between almost no smoothing and the whole region: first in
-    /// steps of so many times a factor of 1.6, which grow up to that factor, then in smaller ones.
+    /// steps of this power of [`APART`], which grow up to that factor, then in smaller ones.
     fn best(&self, weighted: &Weighted, last: &Fit, step: f64) -> Result<Fit, ScanError> {
         let spans = self.knots_x.spans().max(self.knots_y.spans()) as f64;
         let wavelengths = HARDLY_ANY * self.knots_x.step()..=LONGEST.min(2.0 * spans) * self.knots_x.step();
