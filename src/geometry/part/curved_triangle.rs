@@ -169,7 +169,7 @@ impl CurvedTriangle {
         let handle = longest.sqrt() * (turn * LONGER + uneven * ALONG_TURN) + lean * MOST_SHARE;
         // The middle point is a quarter of the sum of six handles, and what the turns add: of two medians, at most twice as long and
         // with twice the turn of a side.
-        1.5 * handle + longest.sqrt() * turn * (1.0 / 12.0 + turn.sqrt() / 16.0) + FLATNESS
+        1.5 * handle + longest.sqrt() * turn * (1.0 / 11.5 + turn.sqrt() / 15.5) + FLATNESS
     }
 
     /// Distance by which the patch can leave its facet, mm.
@@ -367,8 +367,11 @@ fn middle_of_turns(
     let Some(normal) = (normals[0] + normals[1] + normals[2]).try_normalize(0.0) else {
         return Vector3::zeros();
     };
-    let sides = [0, 1, 2].map(|side| corners[(side + 1) % 3] - corners[side]);
     let turns = [0, 1, 2].map(|side| normals[(side + 1) % 3] - normals[side]);
+    // An arc is longer than its chord by a twenty-fourth of the square of its turn.
+    let longer = turns.map(|turn| 1.0 + turn.norm_squared() / 24.0);
+    let sides = [0, 1, 2].map(|side| (corners[(side + 1) % 3] - corners[side]) * longer[side]);
+    let turns = [0, 1, 2].map(|side| turns[side] * longer[side]);
     // From a corner along its median, and the turn of the normal there: thrice from the middle to the corner.
     let median = |of: [Vector3<f64>; 3], side: usize| of[(side + 1) % 3] - of[(side + 2) % 3];
     let medians = [0, 1, 2].map(|side| (median(sides, side), median(turns, side)));
@@ -437,11 +440,11 @@ mod tests {
             (normal * 20.0 + Vector3::new(0.0, y, 0.0), normal)
         };
         let turn = std::f64::consts::FRAC_PI_4;
-        for third in [0.0, 0.2, 0.5, 0.9] {
+        for third in [0.0, 0.2, 0.5, 1.0] {
             let places = [[0.0, 0.0], [turn, 3.0], [third * turn, 12.0]];
             let miss = largest_miss(places, [None; 3], on_cylinder, |point| point.x.hypot(point.z) - 20.0);
             // Without the turns of the normals the miss is up to 0.0072 mm.
-            assert!(miss < 1e-3, "{third}: {miss} mm");
+            assert!(miss < 7e-4, "{third}: {miss} mm");
         }
     }
 
