@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-/// Boxes with at most this number of unknowns are not divided any more.
+/// Boxes with at most this number of points are not divided any more.
 const LEAF: usize = 32;
 
 /// Marks a point that is not an unknown.
@@ -53,7 +53,7 @@ impl Elimination {
         let mut order = Vec::new();
         order.try_reserve_exact(points).ok()?;
         order.extend((0..points).filter(|point| is_unknown(*point)).map(|point| point as u32));
-        let mut dissection = Dissection { columns, reach, leaf: LEAF / components, fronts: Vec::new() };
+        let mut dissection = Dissection { columns, reach, leaf: LEAF, fronts: Vec::new() };
         dissection.fronts.try_reserve(2 * order.len() * components / LEAF).ok()?;
         dissection.divide(&mut order, 0);
         let mut positions = filled(points, FIXED)?;

@@ -162,7 +162,9 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
         fork: &dyn Fork,
     ) -> Result<Self, FactorError> {
         let unknowns = elimination.len() * COMPONENTS;
-        Self::with_least_half(elimination, matrix, LEAST_HALF.max(unknowns / SMALLEST_SHARE), fork)
+        // With more components, each unknown is coupled to as many more others.
+        let least_half = (LEAST_HALF / COMPONENTS).max(unknowns / SMALLEST_SHARE);
+        Self::with_least_half(elimination, matrix, least_half, fork)
     }
 
     fn with_least_half(
