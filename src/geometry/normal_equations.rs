@@ -583,7 +583,7 @@ impl<'f, const COMPONENTS: usize> GridSolver<'f, COMPONENTS> {
         rows: usize,
         is_unknown: impl Fn(usize) -> bool,
     ) -> Result<Self, SolveError> {
-        let elimination = Elimination::new((columns, rows), REACH, COMPONENTS, is_unknown);
+        let elimination = Elimination::new((columns, rows), REACH, is_unknown);
         let elimination = elimination.ok_or_else(|| {
             let points = columns.saturating_mul(rows);
             SolveError::OutOfMemory { unknowns: points.saturating_mul(COMPONENTS) }
