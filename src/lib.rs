@@ -50,7 +50,7 @@
 //!
 //! The features `cli` (the program `isomark`), `station` (the hot folder), `page` (its page in browsers) and `fleet` (what
 //! stations share) are on by default. Without them (`isomark = { version = "0.1", default-features = false }`) the library has no command line, no
-//! folder watching, and no threads but those that fit a part ([`cores`]).
+//! folder watching, and no threads but those that fit a part and find its map ([`cores`]).
 //!
 //! Errors, reports and settings may get more variants and fields in a minor version. Match errors with a `_` arm, and make
 //! settings from their `Default`: `let mut settings = JobSettings::default(); settings.placement.rotate = 0.1;`. All types
@@ -147,7 +147,7 @@
 //! | [`formats`] | bytes to values and back; the only module that uses format crates; opens no file | `geometry`, `printable`, `reason` |
 //! | [`config`] | settings files to one validated station and one set of settings for each job | `geometry`, `reason`, `formats` |
 //! | [`files`] | files that are written completely or not at all | – |
-//! | [`cores`] | halves of a fit at once, in threads | `geometry` |
+//! | [`cores`] | halves of a fit or a map at once, in threads | `geometry` |
 //! | `converter` | STEP files converted by FreeCAD, in a child process | – |
 //! | [`cache`] | fitted surfaces on disk, for each SKU | `geometry`, `formats`, `config`, `files` |
 //! | [`preview`] | the pictures of a job: flat, and on the part | `geometry`, `printable`, `formats` |

@@ -161,8 +161,11 @@ pub(crate) fn look_ahead<State: Sync, Seen: Send>(
 mod tests {
     use super::*;
     use crate::geometry::height_field::FacingPart;
+    use crate::geometry::mapping::isometric::IsometricOptions;
+    use crate::geometry::mapping::{LengthTrueMap, Method};
+    use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
     use crate::geometry::shapes;
-    use crate::geometry::space::View;
+    use crate::geometry::space::{FlatPoint, View};
     use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 
     /// Does the second piece of work first.
@@ -231,6 +234,44 @@ mod tests {
                 FittedSurface::of_part(&part, &FitOptions::default()).unwrap()
             };
             assert!(fit(&InTurn) == fit(&OtherFirst));
+        }
+    }
+
+    /// Letters as wide as those of the other tests: lines and areas, on both halves of the cells.
+    fn letters() -> Pattern {
+        let square = |x: f64, y: f64, half: f64| {
+            let corner = |right: f64, up: f64| FlatPoint::new(x + right * half, y + up * half);
+            let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+            let side = |side: usize| Segment::Line { from: corners[side], to: corners[(side + 1) % 4] };
+            Path {
+                layer: 0,
+                color: Color::ByLayer,
+                shape: Shape::Closed((0..4).map(side).collect()),
+                region: None,
+                source: Source::default(),
+            }
+        };
+        let squares = (0..12).map(|letter| {
+            let (column, row) = (f64::from(letter % 6), f64::from(letter / 6));
+            square(5.0 * column - 12.0, 6.0 * row - 3.0, 1.5 + 0.1 * column)
+        });
+        Pattern { layers: vec![Layer { name: "0".into(), color: Color::Aci(7) }], paths: squares.collect() }
+    }
+
+    #[test]
+    fn a_map_does_not_depend_on_who_works_first() {
+        for height in [shapes::sphere, shapes::mandarin, shapes::mouse] {
+            let mesh = shapes::graph(25.0, 0.6, height);
+            let part = FacingPart::new(&mesh, &View::top());
+            let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+            for options in [IsometricOptions::INK, IsometricOptions::UNIFORM, IsometricOptions::LENGTHS] {
+                let (letters, method) = (letters(), Method::Isometric(options));
+                let map = |fork| {
+                    let anchor = FlatPoint::new(0.0, 0.0);
+                    LengthTrueMap::find_with_fork(&surface, &letters, |_| true, anchor, &method, fork)
+                };
+                assert!(map(&InTurn).unwrap() == map(&OtherFirst).unwrap());
+            }
         }
     }
 }

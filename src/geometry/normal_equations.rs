@@ -18,6 +18,9 @@ use crate::geometry::fork::{Fork, InTurn, join};
 /// A control point is coupled to its neighbours within this number of rows and columns.
 const REACH: usize = 3;
 
+/// Fewer unknowns are solved for, with the factor, in less time than it takes to share them.
+const LEAST_SHARED: usize = 2_000;
+
 /// The control point itself, then its neighbours that follow it row by row: (columns, rows) to the right and up.
 const STENCIL: [(isize, isize); 25] = {
     let mut offsets = [(0, 0); 25];
@@ -94,19 +97,26 @@ pub struct GridSolver<'f, const COMPONENTS: usize> {
     fork: &'f dyn Fork,
 }
 
+/// Numbers at the start of a line of the processor's cache.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Aligned<T>(T);
+
 /// One observation that depends on the 4 × 4 control points of a cell: its derivative by each of their components.
 pub type CellRow<const COMPONENTS: usize> = [[f64; COMPONENTS]; 16];
 
 /// Observations of one cell, summed before they are added to the grid: 16 control points fit into the CPU's cache.
 #[derive(Debug, Clone)]
+#[repr(align(64))]
 pub struct CellSum<const COMPONENTS: usize> {
-    matrix: [[[[f64; COMPONENTS]; COMPONENTS]; 16]; 16],
+    /// For each component of each control point its line of the matrix. Of what is before the diagonal, nothing is used.
+    matrix: [[[[f64; COMPONENTS]; 16]; COMPONENTS]; 16],
     right: [[f64; COMPONENTS]; 16],
 }
 
 impl<const COMPONENTS: usize> Default for CellSum<COMPONENTS> {
     fn default() -> Self {
-        Self { matrix: [[[[0.0; COMPONENTS]; COMPONENTS]; 16]; 16], right: [[0.0; COMPONENTS]; 16] }
+        Self { matrix: [[[[0.0; COMPONENTS]; 16]; COMPONENTS]; 16], right: [[0.0; COMPONENTS]; 16] }
     }
 }
 
@@ -119,7 +129,7 @@ impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
                 self.right[first][component] += scaled * value;
                 for second in first..16 {
                     for other in 0..COMPONENTS {
-                        self.matrix[first][second][component][other] += scaled * row[second][other];
+                        self.matrix[first][component][second][other] += scaled * row[second][other];
                     }
                 }
             }
@@ -168,6 +178,11 @@ impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
         observed: &ComposedSum<PARTS, COMPONENTS>,
         basis: &[[f64; 16]; PARTS],
     ) {
+        let spread: Aligned<[[[[f64; COMPONENTS]; 4]; PARTS]; 4]> = Aligned(std::array::from_fn(|chunk| {
+            std::array::from_fn(|part| {
+                std::array::from_fn(|second| [basis[part][4 * chunk + second]; COMPONENTS])
+            })
+        }));
         for first in 0..16 {
             let mut row = [[[0.0; COMPONENTS]; COMPONENTS]; PARTS];
             for part in 0..PARTS {
@@ -182,15 +197,21 @@ impl<const COMPONENTS: usize> CellSum<COMPONENTS> {
                     }
                 }
             }
-            for second in first..16 {
-                let block = &mut self.matrix[first][second];
-                for part in 0..PARTS {
-                    let share = basis[part][second];
-                    for component in 0..COMPONENTS {
-                        for other in 0..COMPONENTS {
-                            block[component][other] += share * row[part][component][other];
+            for component in 0..COMPONENTS {
+                let turned = row.map(|part| [part[component]; 4]);
+                // From the start of the row of control points: parts of equal length fill the registers of any processor.
+                let (line, _) = self.matrix[first][component].as_chunks_mut::<4>();
+                for (chunk, values) in line.iter_mut().enumerate().skip(first / 4) {
+                    let mut sum = *values;
+                    for part in 0..PARTS {
+                        for second in 0..4 {
+                            for other in 0..COMPONENTS {
+                                sum[second][other] +=
+                                    spread.0[chunk][part][second][other] * turned[part][second][other];
+                            }
                         }
                     }
+                    *values = sum;
                 }
             }
         }
@@ -221,7 +242,7 @@ impl<const COMPONENTS: usize> EquationRows<'_, COMPONENTS> {
                 let block = &mut self.matrix[point][neighbour];
                 for component in 0..COMPONENTS {
                     for other in 0..COMPONENTS {
-                        block[component][other] += sum.matrix[first][second][component][other];
+                        block[component][other] += sum.matrix[first][component][second][other];
                     }
                 }
             }
@@ -257,6 +278,34 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         let mut low = EquationRows { columns, rows: 0..middle, matrix: low, right: right_low };
         let mut high = EquationRows { columns, rows: middle..self.rows, matrix: high, right: right_high };
         join(fork, || add(&mut low), || add(&mut high));
+    }
+
+    /// Calls `low` with the equations of the rows below the end of `shared`, and `high` with those from its start on, both of
+    /// which add to the rows that they share; `fork` may do both at once.
+    pub(crate) fn fill_halves(
+        &mut self,
+        fork: &dyn Fork,
+        shared: Range<usize>,
+        low: impl FnOnce(&mut EquationRows<COMPONENTS>) + Send,
+        high: impl FnOnce(&mut [EquationRows<COMPONENTS>; 2]) + Send,
+    ) {
+        let (columns, rows) = (self.columns, self.rows);
+        let mut of_high = Self::new(columns, shared.len());
+        let (below, above) = self.matrix.split_at_mut(shared.end * columns);
+        let (right_below, right_above) = self.right.split_at_mut(shared.end * columns);
+        let mut below = EquationRows { columns, rows: 0..shared.end, matrix: below, right: right_below };
+        let Self { matrix, right, .. } = &mut of_high;
+        let mut above = [
+            EquationRows { columns, rows: shared.clone(), matrix, right },
+            EquationRows { columns, rows: shared.end..rows, matrix: above, right: right_above },
+        ];
+        join(fork, || low(&mut below), || high(&mut above));
+        let points = shared.start * columns..shared.end * columns;
+        let sums = self.matrix[points.clone()].as_flattened_mut().as_flattened_mut().as_flattened_mut();
+        let parts = of_high.matrix.as_flattened().as_flattened().as_flattened();
+        sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+        let sums = self.right[points].as_flattened_mut();
+        sums.iter_mut().zip(of_high.right.as_flattened()).for_each(|(sum, part)| *sum += part);
     }
 
     /// The right-hand side Aᵀb, row by row.
@@ -363,14 +412,15 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
             assert_eq!(right.len(), self.right.len(), "right-hand side of another grid");
             let given = elimination.order().iter().map(|point| right[*point as usize]);
             let mut solution: Vec<[f64; COMPONENTS]> = given.collect();
-            factor.solve(&mut solution, solver.fork);
+            let fork: &dyn Fork = if unknowns < LEAST_SHARED { &InTurn } else { solver.fork };
+            factor.solve(&mut solution, fork);
             let mut found = vec![[0.0; COMPONENTS]; right.len()];
             elimination
                 .order()
                 .iter()
                 .zip(solution)
                 .for_each(|(point, value)| found[*point as usize] = value);
-            let residual = self.relative_residual(solver, right, &found);
+            let residual = self.relative_residual(solver, right, &found, fork);
             // The matrix squares the condition number of the observations; 1e-7 of the right-hand side is far below
             // 1e-6 mm.
             if !(residual <= 1e-7) {
@@ -387,6 +437,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         solver: &GridSolver<'_, COMPONENTS>,
         right: &[[f64; COMPONENTS]],
         solution: &[[f64; COMPONENTS]],
+        fork: &dyn Fork,
     ) -> f64 {
         // A margin of zeros takes the place of neighbours outside the grid, whose blocks are zero.
         let width = self.columns + 2 * REACH;
@@ -406,7 +457,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
             subtract_product(&self.matrix[points], self.columns, &solution[rows.start * width..], &mut rest);
             rest
         };
-        let (mut rest, above) = join(solver.fork, || rest_of(low), || rest_of(high));
+        let (mut rest, above) = join(fork, || rest_of(low), || rest_of(high));
         let margin = rest.split_off(middle * width);
         rest.extend(above);
         for (sum, part) in rest[middle * width..].as_flattened_mut().iter_mut().zip(margin.as_flattened()) {
@@ -532,7 +583,7 @@ impl<'f, const COMPONENTS: usize> GridSolver<'f, COMPONENTS> {
         rows: usize,
         is_unknown: impl Fn(usize) -> bool,
     ) -> Result<Self, SolveError> {
-        let elimination = Elimination::new((columns, rows), REACH, COMPONENTS, is_unknown);
+        let elimination = Elimination::new((columns, rows), REACH, is_unknown);
         let elimination = elimination.ok_or_else(|| {
             let points = columns.saturating_mul(rows);
             SolveError::OutOfMemory { unknowns: points.saturating_mul(COMPONENTS) }
@@ -544,6 +595,11 @@ impl<'f, const COMPONENTS: usize> GridSolver<'f, COMPONENTS> {
     #[must_use]
     pub fn with_fork(self, fork: &'f dyn Fork) -> Self {
         Self { fork, ..self }
+    }
+
+    /// What does halves of the work.
+    pub(crate) fn fork(&self) -> &'f dyn Fork {
+        self.fork
     }
 }
 

@@ -8,6 +8,7 @@ use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
 use super::{checks, chords, fill, hash, method, program, weights};
 use crate::cache::PartOrigin;
 use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
+use crate::cores::Cores;
 use crate::geometry::correction::Projection;
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::isometric::IsometricOptions;
@@ -236,7 +237,7 @@ fn row(
     clock.lap("measure");
     let method = only.map_or_else(|| method(settings), mapping::Method::Isometric);
     let marked = fill::for_map(pattern, settings);
-    let map = LengthTrueMap::find(surface, &marked, is_ink, placing.place, &method);
+    let map = LengthTrueMap::find_with_fork(surface, &marked, is_ink, placing.place, &method, &Cores);
     clock.lap(&format!("map {label}"));
     let map_ms = clock.laps.last().map_or(0.0, |lap| lap.ms);
     let empty = EvaluationRow {

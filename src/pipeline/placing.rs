@@ -9,6 +9,7 @@ use super::{
 };
 use crate::cache::CachedSurface;
 use crate::config::{Align, Anchor, JobSettings, Sku, ViewSource};
+use crate::cores::Cores;
 use crate::formats::pattern::{self, PatternFacts, PatternOptions, PatternReadError, PatternReading};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::quality;
@@ -66,7 +67,7 @@ impl Pipeline {
             let place = pattern.placing.place;
             let marked = fill::for_map(&pattern.placed, settings);
             let found = learned.recent.map(&marked, is_ink, place, method, || {
-                LengthTrueMap::find(&part.surface, &marked, is_ink, place, &method)
+                LengthTrueMap::find_with_fork(&part.surface, &marked, is_ink, place, &method, &Cores)
             });
             found.map_err(|error| {
                 rejected(pattern.map_reason(&error, part, settings), &pattern.facts, &pattern.placed)

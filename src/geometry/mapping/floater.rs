@@ -424,7 +424,7 @@ fn parametrise(
     let is_inner =
         |vertex: usize| (1..columns).contains(&(vertex % width)) && (1..rows).contains(&(vertex / width));
     let unsolved = FloaterError::Unsolved { unknowns: columns.saturating_sub(1) * rows.saturating_sub(1) };
-    let elimination = Elimination::new((width, rows + 1), 1, 1, is_inner).ok_or(unsolved)?;
+    let elimination = Elimination::new((width, rows + 1), 1, is_inner).ok_or(unsolved)?;
     let factor = Factor::new(&elimination, &means, &InTurn).map_err(|_| unsolved)?;
     for axis in 0..2 {
         let right = |vertex: &u32| {

@@ -18,10 +18,12 @@ use multiversion::multiversion;
 use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::{Figure, IsometricOptions};
+use self::scales::EvenMap;
 use self::strain::{Cap, Fineness, Sample, Strain, Weighting, Weights, products, samples};
+use crate::geometry::fork::{self, Fork, InTurn, join};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
-    CellRow, CellSum, ComposedSum, GridSolver, NormalEquations, SolveError,
+    CellRow, CellSum, ComposedSum, EquationRows, GridSolver, NormalEquations, SolveError,
 };
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::knots::{Basis, UniformKnots};
@@ -118,6 +120,12 @@ const COARSE: Fineness = Fineness { most_places: 3000, parts: 2 };
 /// … and on the fine one.
 const FINE: Fineness = Fineness { most_places: 3000, parts: 3 };
 
+/// Fewer samples are strained in less time than it takes to share them.
+const LEAST_SHARED: usize = 500;
+
+/// The strains of two halves of the samples.
+type Strains = [Vec<Strain>; 2];
+
 /// The problem that a map solves.
 struct Task<'a> {
     surface: &'a NurbsSurface,
@@ -147,36 +155,56 @@ impl IsometricMap {
         anchor: FlatPoint,
         options: &IsometricOptions,
     ) -> Result<Self, IsometricError> {
+        Self::solve_with_fork(surface, ink, anchor, options, &InTurn)
+    }
+
+    /// The same map as that of [`Self::solve`]; `fork` may do halves of the work at once.
+    ///
+    /// # Errors
+    /// See [`IsometricError`].
+    pub fn solve_with_fork(
+        surface: &NurbsSurface,
+        ink: &Ink,
+        anchor: FlatPoint,
+        options: &IsometricOptions,
+        fork: &dyn Fork,
+    ) -> Result<Self, IsometricError> {
+        fork::start(fork, || Self::search(surface, ink, anchor, options, fork))
+    }
+
+    fn search(
+        surface: &NurbsSurface,
+        ink: &Ink,
+        anchor: FlatPoint,
+        options: &IsometricOptions,
+        fork: &dyn Fork,
+    ) -> Result<Self, IsometricError> {
         let with_cells = if options.are_outlines_areas { enclosed::with_enclosed_cells(ink) } else { None };
         let ink = with_cells.as_ref().unwrap_or(ink);
         let mut extents = ink.extents;
         extents.include(anchor.coords());
         let (knots_s, knots_t) = coarse_grid(&extents, options);
-        let control = geodesics::parallel_coordinates(surface, anchor, &knots_s, &knots_t);
-        let mut map =
-            Self { knots_s, knots_t, control, iterations: Vec::new(), settled: false, instead: None };
-        let solver = map.solver()?;
+        let (fine_s, fine_t) = (knots_s.halved(), knots_t.halved());
         let is_even = options.is_even() || ink.pieces.is_empty() && ink.squares.is_empty();
-        let even = map.samples(ink, &Weights::EVEN, COARSE);
-        let even_steps = if is_even { COARSE_STEPS } else { 1 };
-        map.descend(&Task { surface, samples: &even, anchor, cap: Cap::NONE }, &solver, even_steps)?;
-        if is_even {
-            map.refine();
-            let solver = map.solver()?;
-            let fine = map.samples(ink, &Weights::EVEN, FINE);
-            let task = Task { surface, samples: &fine, anchor, cap: Cap::NONE };
-            map.settled = map.descend(&task, &solver, MAX_STEPS)?;
-        } else {
-            let inked = map.samples(ink, &Weights::START, COARSE);
-            let task = Task { surface, samples: &inked, anchor, cap: Cap::NONE };
-            let even = map.even_strains(&task);
-            let mut flat = map.clone();
-            map.descend(&Task { cap: Cap(even.angle), ..task }, &solver, START_STEPS)?;
-            map.refine();
-            let solver = map.solver()?;
+        let of_cells = if with_cells.is_some() { CELLS } else { 1.0 };
+        let given = IsometricOptions { area_weight: of_cells * options.area_weight, ..*options };
+        let weights = if is_even { Weights::EVEN } else { given.weights() };
+        let (coarse, (solver, fine)) = join(
+            fork,
+            || {
+                let control = geodesics::parallel_coordinates(surface, anchor, &knots_s, &knots_t);
+                let mut map =
+                    Self { knots_s, knots_t, control, iterations: Vec::new(), settled: false, instead: None };
+                let even = map.descend_coarse_grid(surface, ink, anchor, is_even, fork)?;
+                Ok::<_, IsometricError>((map, even))
+            },
+            || (solver((&fine_s, &fine_t), fork), samples((&fine_s, &fine_t), ink, &weights, FINE)),
+        );
+        let ((mut map, even), solver) = (coarse?, solver?);
+        map.refine();
+        if let Some((even, mut flat)) = even {
             let start = map.control.clone();
-            let of_cells = if with_cells.is_some() { CELLS } else { 1.0 };
-            let given = IsometricOptions { area_weight: of_cells * options.area_weight, ..*options };
+            let mut first = Some(fine);
             for (attempt, paper) in STIFFER_PAPER.into_iter().enumerate() {
                 if attempt % 2 == 1 {
                     if flat.control.len() < start.len() {
@@ -193,7 +221,7 @@ impl IsometricMap {
                         box_weight: paper * given.box_weight,
                         ..given
                     };
-                    let mut fine = map.samples(ink, &options.weights(), FINE);
+                    let mut fine = first.take().unwrap_or_else(|| map.samples(ink, &options.weights(), FINE));
                     map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver);
                     if map.settled {
                         break;
@@ -211,6 +239,9 @@ impl IsometricMap {
             let fine = map.samples(ink, &Weights::START, FINE);
             let task = Task { surface, samples: &fine, anchor, cap: Cap(even.angle) };
             map.settled = map.descend(&task, &solver, MAX_STEPS)?;
+        } else {
+            let task = Task { surface, samples: &fine, anchor, cap: Cap::NONE };
+            map.settled = map.descend(&task, &solver, MAX_STEPS)?;
         }
         if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= MAX_LAST_STEP) {
             return Err(IsometricError::NotConverged { iterations: map.iterations });
@@ -219,6 +250,31 @@ impl IsometricMap {
             Some(at) => Err(IsometricError::Folded { at }),
             None => Ok(map),
         }
+    }
+
+    /// The start of the search on the fine grid. If not all is weighted equally, also what the map with equal weights leaves, and this
+    /// map.
+    fn descend_coarse_grid(
+        &mut self,
+        surface: &NurbsSurface,
+        ink: &Ink,
+        anchor: FlatPoint,
+        is_even: bool,
+        fork: &dyn Fork,
+    ) -> Result<Option<(EvenMap, Self)>, IsometricError> {
+        let solver = solver((&self.knots_s, &self.knots_t), fork)?;
+        let even = self.samples(ink, &Weights::EVEN, COARSE);
+        let even_steps = if is_even { COARSE_STEPS } else { 1 };
+        self.descend(&Task { surface, samples: &even, anchor, cap: Cap::NONE }, &solver, even_steps)?;
+        if is_even {
+            return Ok(None);
+        }
+        let inked = self.samples(ink, &Weights::START, COARSE);
+        let task = Task { surface, samples: &inked, anchor, cap: Cap::NONE };
+        let even = self.even_strains(&task);
+        let flat = self.clone();
+        self.descend(&Task { cap: Cap(even.angle), ..task }, &solver, START_STEPS)?;
+        Ok(Some((even, flat)))
     }
 
     /// The image of a point of the drawing; outside the drawing's box the border polynomials are extrapolated.
@@ -239,10 +295,6 @@ impl IsometricMap {
         total
     }
 
-    fn solver(&self) -> Result<GridSolver<'static, 2>, SolveError> {
-        GridSolver::new(self.knots_s.control_points(), self.knots_t.control_points())
-    }
-
     fn samples(&self, ink: &Ink, weights: &Weights, fineness: Fineness) -> Vec<Sample> {
         samples((&self.knots_s, &self.knots_t), ink, weights, fineness)
     }
@@ -255,12 +307,12 @@ impl IsometricMap {
         max_steps: usize,
     ) -> Result<bool, IsometricError> {
         let cells = self.knots_s.spans() * self.knots_t.spans();
+        let fork = solver.fork();
         // One buffer for all steps: it is large.
-        let mut strains = Vec::new();
-        strains_at(self, task.surface, task.samples, &mut strains);
-        let mut energy = self.energy(task, &strains);
+        let mut strains = Strains::default();
+        let mut energy = self.energy(task, &mut strains, fork);
         for _ in 0..max_steps {
-            let equations = equations(self, task.anchor, task.samples, &strains, &task.cap);
+            let equations = equations(self, task.anchor, task.samples, &strains, &task.cap, fork);
             let shifts = equations.solve(solver)?;
             let expected = equations.gain(&shifts);
             let start = self.control.clone();
@@ -269,8 +321,7 @@ impl IsometricMap {
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
                     *point = old + Vector2::from(*shift) * fraction;
                 }
-                strains_at(self, task.surface, task.samples, &mut strains);
-                let reached = self.energy(task, &strains);
+                let reached = self.energy(task, &mut strains, fork);
                 let predicted = fraction * (2.0 - fraction) * expected;
                 if energy - reached >= predicted / 2.0 - NO_STRAIN || fraction <= SHORTEST {
                     break reached;
@@ -326,16 +377,40 @@ impl IsometricMap {
         [at, by_s, by_t]
     }
 
-    fn energy(&self, task: &Task, strains: &[Strain]) -> f64 {
+    /// The energy and, for the next step, the strain at each place.
+    fn energy(&self, task: &Task, strains: &mut Strains, fork: &dyn Fork) -> f64 {
         let mut energy = 0.0;
         self.pin(task.anchor, |residual, _| energy += PIN_WEIGHT * residual * residual);
-        for (place, strain) in task.samples.chunk_by(Sample::is_at).zip(strains) {
-            for sample in place {
-                task.cap
-                    .observe(strain, sample, |weight, residual, _| energy += weight * residual * residual);
+        let of_half = |samples: &[Sample], strains: &[Strain]| {
+            let mut energy = 0.0;
+            for (place, strain) in samples.chunk_by(Sample::is_at).zip(strains) {
+                for sample in place {
+                    let mut add = |weight: f64, residual: f64, _: &_| energy += weight * residual * residual;
+                    task.cap.observe(strain, sample, &mut add);
+                }
             }
-        }
-        energy
+            energy
+        };
+        let [low, high] = self.strained(task.surface, task.samples, strains, fork, of_half);
+        energy + low + high
+    }
+
+    /// Finds the strain at each place, and what `of_half` finds for halves of the samples and their strains.
+    fn strained<T: Send>(
+        &self,
+        surface: &NurbsSurface,
+        samples: &[Sample],
+        strains: &mut Strains,
+        fork: &dyn Fork,
+        of_half: impl Fn(&[Sample], &[Strain]) -> T + Sync,
+    ) -> [T; 2] {
+        let ([low, high], [low_strains, high_strains]) = (halves(samples), strains);
+        let fork = if samples.len() < LEAST_SHARED { &InTurn } else { fork };
+        let half = |samples: &[Sample], strains: &mut Vec<Strain>| {
+            strains_at(self, surface, samples, strains);
+            of_half(samples, strains)
+        };
+        join(fork, || half(low, low_strains), || half(high, high_strains)).into()
     }
 
     /// The residuals that keep the anchor at its place, and the drawing's x direction there parallel to the view's.
@@ -356,7 +431,7 @@ impl IsometricMap {
 }
 
 /// The strain at each place.
-#[multiversion(targets("x86_64+avx2"))]
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2"))]
 fn strains_at(map: &IsometricMap, surface: &NurbsSurface, samples: &[Sample], strains: &mut Vec<Strain>) {
     strains.clear();
     strains.extend(samples.chunk_by(Sample::is_at).map(|place| {
@@ -366,15 +441,43 @@ fn strains_at(map: &IsometricMap, surface: &NurbsSurface, samples: &[Sample], st
 }
 
 /// The equations of a step from the strain at each place, with the pin at the anchor.
-#[multiversion(targets("x86_64+avx2"))]
 fn equations(
     map: &IsometricMap,
     anchor: FlatPoint,
     samples: &[Sample],
-    strains: &[Strain],
-    weighting: &impl Weighting,
+    strains: &Strains,
+    weighting: &(impl Weighting + Sync),
+    fork: &dyn Fork,
 ) -> NormalEquations<2> {
     let mut equations = NormalEquations::new(map.knots_s.control_points(), map.knots_t.control_points());
+    let ([low, high], [low_strains, high_strains]) = (halves(samples), strains);
+    let row = |sample: Option<&Sample>| sample.map_or(0, |sample| sample.t.first);
+    let start = row(high.first());
+    // The four rows of control points of a cell.
+    let shared = start..row(low.last()).max(start) + 4;
+    equations.fill_halves(
+        fork,
+        shared,
+        |rows| add_cells(low, low_strains, weighting, std::slice::from_mut(rows)),
+        |rows| add_cells(high, high_strains, weighting, rows),
+    );
+    let mut pinned = CellSum::default();
+    map.pin(anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
+    let (s, t) = (map.knots_s.span(anchor.x), map.knots_t.span(anchor.y));
+    equations.add_cell(s, t, &pinned);
+    // A control point at a corner far from all ink may be almost undetermined; this fixes it.
+    equations.add_third_difference_penalty(1e-10);
+    equations
+}
+
+/// Adds what is measured at some samples to the equations of some rows.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2"))]
+fn add_cells(
+    samples: &[Sample],
+    strains: &[Strain],
+    weighting: &impl Weighting,
+    rows: &mut [EquationRows<2>],
+) {
     let mut strains = strains.iter();
     for cell in samples.chunk_by(|a, b| a.cell() == b.cell()) {
         let mut sum = CellSum::default();
@@ -387,15 +490,29 @@ fn equations(
             }
             sum.add_composed(&observed, &place[0].basis());
         }
-        equations.add_cell(cell[0].s.first, cell[0].t.first, &sum);
+        rows.iter_mut().for_each(|rows| rows.add_cell(cell[0].s.first, cell[0].t.first, &sum));
     }
-    let mut pinned = CellSum::default();
-    map.pin(anchor, |residual, derivative| pinned.add(derivative, -residual, PIN_WEIGHT));
-    let (s, t) = (map.knots_s.span(anchor.x), map.knots_t.span(anchor.y));
-    equations.add_cell(s, t, &pinned);
-    // A control point at a corner far from all ink may be almost undetermined; this fixes it.
-    equations.add_third_difference_penalty(1e-10);
-    equations
+}
+
+/// Two halves of the samples, divided between cells. They do not depend on who works on them, nor do sums over them.
+fn halves(samples: &[Sample]) -> [&[Sample]; 2] {
+    let (low, high) = samples.split_at(half_of(samples));
+    [low, high]
+}
+
+/// The number of samples in the first half.
+fn half_of(samples: &[Sample]) -> usize {
+    let middle = samples.len() / 2;
+    let Some(cell) = samples.get(middle).map(Sample::cell) else { return 0 };
+    middle + samples[middle..].iter().take_while(|sample| sample.cell() == cell).count()
+}
+
+/// The solver for a grid.
+fn solver<'f>(
+    (knots_s, knots_t): (&UniformKnots, &UniformKnots),
+    fork: &'f dyn Fork,
+) -> Result<GridSolver<'f, 2>, SolveError> {
+    Ok(GridSolver::new(knots_s.control_points(), knots_t.control_points())?.with_fork(fork))
 }
 
 /// The fraction f that minimises expected·(f² − 2f) + excess·f⁴: the gain that the linearised strains predict, and the

@@ -22,6 +22,7 @@ use self::floater::{FloaterError, FloaterMap, FloaterWeights};
 use self::isometric::{Figure, Instead, IsometricError, IsometricMap, IsometricOptions};
 use self::mapping_domain::{MappingDomainError, MappingDomainMap, MappingDomainOptions};
 use self::patch::{FEW_POINTS, SampledPatch, TooFewPoints};
+use crate::geometry::fork::{Fork, InTurn};
 use crate::geometry::ink::Ink;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::primitive::{Form, Primitive};
@@ -114,7 +115,22 @@ impl LengthTrueMap {
         anchor: FlatPoint,
         method: &Method,
     ) -> Result<Self, MapError> {
-        Self::find_marked(surface, pattern, &is_marked, anchor, method)
+        Self::find_marked(surface, pattern, &is_marked, anchor, method, &InTurn)
+    }
+
+    /// The same map as that of [`Self::find`]; `fork` may do halves of the work at once.
+    ///
+    /// # Errors
+    /// Those of [`Self::find`].
+    pub fn find_with_fork(
+        surface: &FittedSurface,
+        pattern: &Pattern,
+        is_marked: impl Fn(&str) -> bool,
+        anchor: FlatPoint,
+        method: &Method,
+        fork: &dyn Fork,
+    ) -> Result<Self, MapError> {
+        Self::find_marked(surface, pattern, &is_marked, anchor, method, fork)
     }
 
     /// Compiled once, with the geometry: generic functions are compiled where they are called.
@@ -124,6 +140,7 @@ impl LengthTrueMap {
         is_marked: &dyn Fn(&str) -> bool,
         anchor: FlatPoint,
         method: &Method,
+        fork: &dyn Fork,
     ) -> Result<Self, MapError> {
         match method {
             Method::Plain => Ok(Self::Plain),
@@ -155,7 +172,7 @@ impl LengthTrueMap {
             )?)),
             Method::Isometric(options) => {
                 let ink = coarse_ink(pattern, is_marked);
-                Self::isometric(surface, (pattern, is_marked), ink, anchor, options)
+                Self::isometric(surface, (pattern, is_marked), ink, anchor, options, fork)
             }
             Method::Auto { exact_tolerance, otherwise } => {
                 let ink = coarse_ink(pattern, is_marked);
@@ -170,7 +187,7 @@ impl LengthTrueMap {
                         }
                     }
                 }
-                Self::isometric(surface, (pattern, is_marked), ink, anchor, otherwise)
+                Self::isometric(surface, (pattern, is_marked), ink, anchor, otherwise, fork)
             }
         }
     }
@@ -183,12 +200,13 @@ impl LengthTrueMap {
         ink: Ink,
         anchor: FlatPoint,
         options: &IsometricOptions,
+        fork: &dyn Fork,
     ) -> Result<Self, MapError> {
         if is_on_part(&ink, surface) {
-            return Self::least_strained(surface, drawing, ink, anchor, options);
+            return Self::least_strained(surface, drawing, ink, anchor, options, fork);
         }
         let marked = Ink::sample_as_marked(drawing.0, drawing.1, COARSE_PIECE, COARSE_SQUARE);
-        let found = Self::least_strained(surface, drawing, ink.clone(), anchor, options);
+        let found = Self::least_strained(surface, drawing, ink.clone(), anchor, options, fork);
         let place = |at: FlatPoint| found.as_ref().map_or(at.coords().into(), |map| map.point(at));
         let (lines, open) = ink.without_open_areas(&marked, |at| surface.field.is_surface(place(at)));
         if open.is_empty() {
@@ -200,7 +218,7 @@ impl LengthTrueMap {
         // Without any area, the solver would take the cells that lines enclose.
         let are_outlines_areas = options.are_outlines_areas && !lines.squares.is_empty();
         let options = IsometricOptions { are_outlines_areas, ..*options };
-        Self::least_strained(surface, drawing, lines, anchor, &options)
+        Self::least_strained(surface, drawing, lines, anchor, &options, fork)
     }
 
     /// The drawing as it is, if it is on the part and needs no correction: what is under its ink is a plane.
@@ -224,8 +242,9 @@ impl LengthTrueMap {
         ink: Ink,
         anchor: FlatPoint,
         options: &IsometricOptions,
+        fork: &dyn Fork,
     ) -> Result<Self, MapError> {
-        let (map, ink) = match Self::weighed(surface, drawing, ink.clone(), anchor, options) {
+        let (map, ink) = match Self::weighed(surface, drawing, ink.clone(), anchor, options, fork) {
             Ok(found) => found,
             // The search starts at the anchor, which may be on a boss inside a dial.
             Err(error) => return Self::true_as_drawn(surface, &ink, anchor, options).ok_or(error),
@@ -243,7 +262,9 @@ impl LengthTrueMap {
             // The weights of areas, angles and the paper are what keeps lines from being as true as they are in the drawing.
             for lengths in LENGTHS_ALONE {
                 let options = options.nearly_lengths_alone(lengths);
-                let Ok(mut map) = IsometricMap::solve(nurbs, &ink, anchor, &options) else { continue };
+                let Ok(mut map) = IsometricMap::solve_with_fork(nurbs, &ink, anchor, &options, fork) else {
+                    continue;
+                };
                 map.instead = Some(Instead::LengthsAlone);
                 if truest.is_worse_than(&map, nurbs, &ink, first) && areas(&map) <= most {
                     truest = map;
@@ -264,8 +285,10 @@ impl LengthTrueMap {
         ink: Ink,
         anchor: FlatPoint,
         options: &IsometricOptions,
+        fork: &dyn Fork,
     ) -> Result<(IsometricMap, Ink), MapError> {
-        let solved = |ink: &Ink, options| IsometricMap::solve(&surface.nurbs, ink, anchor, options);
+        let solved =
+            |ink: &Ink, options| IsometricMap::solve_with_fork(&surface.nurbs, ink, anchor, options, fork);
         if options.are_outlines_areas {
             return Ok((solved(&ink, options)?, ink));
         }

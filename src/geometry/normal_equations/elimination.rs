@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-/// Boxes with at most this number of unknowns are not divided any more.
+/// Boxes with at most this number of points are not divided any more.
 const LEAF: usize = 32;
 
 /// Marks a point that is not an unknown.
@@ -41,20 +41,19 @@ struct Front {
 
 impl Elimination {
     /// The order for a grid of `columns` points in each row, of which those for which `is_unknown` is true (by index,
-    /// row by row) are unknowns, each coupled to those at most `reach` rows and columns from it. `components` is the
-    /// number of unknowns of a point. `None` when there is not enough memory.
+    /// row by row) are unknowns, each coupled to those at most `reach` rows and columns from it. `None` when there is not
+    /// enough memory.
     pub(crate) fn new(
         (columns, rows): (usize, usize),
         reach: usize,
-        components: usize,
         is_unknown: impl Fn(usize) -> bool,
     ) -> Option<Self> {
         let points = columns.checked_mul(rows).filter(|points| *points < FIXED as usize)?;
         let mut order = Vec::new();
         order.try_reserve_exact(points).ok()?;
         order.extend((0..points).filter(|point| is_unknown(*point)).map(|point| point as u32));
-        let mut dissection = Dissection { columns, reach, leaf: LEAF / components, fronts: Vec::new() };
-        dissection.fronts.try_reserve(2 * order.len() * components / LEAF).ok()?;
+        let mut dissection = Dissection { columns, reach, leaf: LEAF, fronts: Vec::new() };
+        dissection.fronts.try_reserve(2 * order.len() / LEAF).ok()?;
         dissection.divide(&mut order, 0);
         let mut positions = filled(points, FIXED)?;
         order.iter().enumerate().for_each(|(position, point)| positions[*point as usize] = position as u32);
@@ -276,7 +275,7 @@ mod tests {
             ((2, 2), 3, &all),
             ((9, 9), 3, &|_| false),
         ] {
-            let elimination = Elimination::new(size, reach, 1, is_unknown).unwrap();
+            let elimination = Elimination::new(size, reach, is_unknown).unwrap();
             let mut seen: Vec<usize> = elimination.order().iter().map(|point| *point as usize).collect();
             seen.sort_unstable();
             assert!(seen.into_iter().eq((0..size.0 * size.1).filter(|point| is_unknown(*point))));
@@ -294,7 +293,7 @@ mod tests {
     fn the_order_of_a_square_grid_takes_few_operations() {
         // George's bound for separators of one row, 31/4 n² log₂ n entries, for blocks of 3 × 3 points: 9 entries each.
         let n = 150usize;
-        let elimination = Elimination::new((n, n), 3, 1, |_| true).unwrap();
+        let elimination = Elimination::new((n, n), 3, |_| true).unwrap();
         let entries: usize = (0..elimination.fronts())
             .map(|front| {
                 let own = elimination.own(front).len();
@@ -307,7 +306,7 @@ mod tests {
 
     #[test]
     fn a_grid_with_too_many_points_is_refused() {
-        assert!(Elimination::new((1 << 20, 1 << 20), 3, 1, |_| true).is_none());
-        assert!(Elimination::new((usize::MAX, 2), 3, 1, |_| true).is_none());
+        assert!(Elimination::new((1 << 20, 1 << 20), 3, |_| true).is_none());
+        assert!(Elimination::new((usize::MAX, 2), 3, |_| true).is_none());
     }
 }

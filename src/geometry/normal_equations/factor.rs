@@ -162,7 +162,9 @@ impl<'a, const COMPONENTS: usize, const SIDES: usize> Factor<'a, COMPONENTS, SID
         fork: &dyn Fork,
     ) -> Result<Self, FactorError> {
         let unknowns = elimination.len() * COMPONENTS;
-        Self::with_least_half(elimination, matrix, LEAST_HALF.max(unknowns / SMALLEST_SHARE), fork)
+        // With more components, each unknown is coupled to as many more others.
+        let least_half = (LEAST_HALF / COMPONENTS).max(unknowns / SMALLEST_SHARE);
+        Self::with_least_half(elimination, matrix, least_half, fork)
     }
 
     fn with_least_half(
@@ -788,7 +790,7 @@ mod tests {
         fn compare<const COMPONENTS: usize, const SIDES: usize>(&self, is_unknown: &dyn Fn(usize) -> bool) {
             let matrix = self.random::<COMPONENTS>(SIDES == 1);
             let size = (self.columns, self.rows);
-            let elimination = Elimination::new(size, self.reach, COMPONENTS, is_unknown).unwrap();
+            let elimination = Elimination::new(size, self.reach, is_unknown).unwrap();
             let unknowns: Vec<usize> = (0..matrix.nrows()).filter(|at| is_unknown(at / COMPONENTS)).collect();
             if unknowns.is_empty() {
                 return;
@@ -872,7 +874,7 @@ mod tests {
     fn eigenvectors_of_the_laplacian_are_multiplied_by_their_eigenvalue() {
         use std::f64::consts::PI;
         for (columns, rows) in [(130, 120), (1000, 3), (1, 7)] {
-            let elimination = Elimination::new((columns, rows), 3, 1, |_| true).unwrap();
+            let elimination = Elimination::new((columns, rows), 3, |_| true).unwrap();
             let factor = Factor::new(&elimination, &Laplace { columns, rows, middle: 4.0 }, &InTurn).unwrap();
             let (u, v) = (2.0 * PI / (columns + 1) as f64, 3.0 * PI / (rows + 1) as f64);
             let wave = |point: u32| {
@@ -892,7 +894,7 @@ mod tests {
     fn a_matrix_that_is_not_positive_definite_is_refused() {
         for middle in [0.0, 1.0, 3.9, -4.0, f64::NAN, f64::INFINITY] {
             let (columns, rows) = (31, 30);
-            let elimination = Elimination::new((columns, rows), 3, 1, |_| true).unwrap();
+            let elimination = Elimination::new((columns, rows), 3, |_| true).unwrap();
             let found = Factor::new(&elimination, &Laplace { columns, rows, middle }, &InTurn);
             assert_eq!(found.err(), Some(FactorError::Pivot), "{middle}");
         }
@@ -900,7 +902,7 @@ mod tests {
 
     #[test]
     fn no_unknowns_have_an_empty_solution() {
-        let elimination = Elimination::new((5, 5), 3, 1, |_| false).unwrap();
+        let elimination = Elimination::new((5, 5), 3, |_| false).unwrap();
         let factor =
             Factor::new(&elimination, &Laplace { columns: 5, rows: 5, middle: 4.0 }, &InTurn).unwrap();
         factor.solve(&mut [], &InTurn);

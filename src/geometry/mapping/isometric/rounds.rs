@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 
 use super::scales::{EvenMap, Scales};
 use super::strain::{Sample, Strain};
-use super::{IsometricMap, IsometricOptions, Iteration, Task, equations, strains_at};
+use super::{IsometricMap, IsometricOptions, Iteration, Strains, Task, equations, half_of};
 use crate::geometry::normal_equations::GridSolver;
 use crate::geometry::space::FlatPoint;
 use crate::geometry::surface::nurbs::NurbsSurface;
@@ -69,38 +69,59 @@ struct Figures {
     largest_angle: f64,
 }
 
-impl Figures {
+/// Sums over some samples.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    /// Sums of strains times their weights; the largest angle error.
+    strains: Figures,
+    /// Sums of the weights of lines, areas and angles.
+    lines: f64,
+    areas: f64,
+    angles: f64,
+}
+
+impl Sums {
     fn of(samples: &[Sample], strains: &[Strain]) -> Self {
-        let mut figures = Self::default();
-        let [mut lines, mut areas, mut angles] = [0.0; 3];
+        let mut sums = Self::default();
         for (place, strain) in samples.chunk_by(Sample::is_at).zip(strains) {
             let angle = strain.angle_error();
             for sample in place {
                 if sample.line > 0.0 {
-                    lines += sample.line;
-                    figures.line += sample.line * strain.along(sample).abs();
+                    sums.lines += sample.line;
+                    sums.strains.line += sample.line * strain.along(sample).abs();
                 }
                 if sample.area > 0.0 {
-                    areas += sample.area;
-                    figures.area += sample.area * (strain.area() - 1.0).abs();
+                    sums.areas += sample.area;
+                    sums.strains.area += sample.area * (strain.area() - 1.0).abs();
                 }
                 if sample.all_round > 0.0 {
-                    figures.paper += sample.all_round
+                    sums.strains.paper += sample.all_round
                         * (strain.largest_stretch().powi(2)
                             + strain.resistance_to_folds() * (strain.area() - 1.0).powi(2));
                 }
                 if sample.is_ink() {
-                    angles += sample.angle;
-                    figures.mean_angle += sample.angle * angle * angle;
-                    figures.largest_angle = figures.largest_angle.max(angle);
+                    sums.angles += sample.angle;
+                    sums.strains.mean_angle += sample.angle * angle * angle;
+                    sums.strains.largest_angle = sums.strains.largest_angle.max(angle);
                 }
             }
         }
+        sums
+    }
+}
+
+impl Figures {
+    fn of([low, high]: [Sums; 2]) -> Self {
         let mean = |sum: f64, weights: f64| if weights > 0.0 { sum / weights } else { 0.0 };
-        figures.line = mean(figures.line, lines);
-        figures.area = mean(figures.area, areas);
-        figures.mean_angle = mean(figures.mean_angle, angles).sqrt().max(f64::MIN_POSITIVE);
-        figures
+        let (one, other) = (low.strains, high.strains);
+        let mean_square = mean(one.mean_angle + other.mean_angle, low.angles + high.angles);
+        Self {
+            line: mean(one.line + other.line, low.lines + high.lines),
+            area: mean(one.area + other.area, low.areas + high.areas),
+            paper: one.paper + other.paper,
+            mean_angle: mean_square.sqrt().max(f64::MIN_POSITIVE),
+            largest_angle: one.largest_angle.max(other.largest_angle),
+        }
     }
 
     /// What the rounds lower.
@@ -144,9 +165,9 @@ impl IsometricMap {
     ) -> bool {
         let cells = self.knots_s.spans() * self.knots_t.spans();
         // One buffer for all rounds: it is large.
-        let mut strains = Vec::new();
-        strains_at(self, surface, samples, &mut strains);
-        let mut figures = Figures::of(samples, &strains);
+        let fork = solver.fork();
+        let mut strains = Strains::default();
+        let mut figures = Figures::of(self.strained(surface, samples, &mut strains, fork, Sums::of));
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
             return true;
         }
@@ -159,15 +180,15 @@ impl IsometricMap {
         for round in 0..if options.is_thorough { MOST_THOROUGH } else { MAX_ROUNDS } {
             let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
             weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
-            let Ok(shifts) = equations(self, anchor, samples, &strains, &scales).solve(solver) else { break };
+            let equations = equations(self, anchor, samples, &strains, &scales, fork);
+            let Ok(shifts) = equations.solve(solver) else { break };
             let (start, before) = (self.control.clone(), cost);
             let mut fraction = 1.0;
             loop {
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
                     *point = old + Vector2::from(*shift) * fraction;
                 }
-                strains_at(self, surface, samples, &mut strains);
-                figures = Figures::of(samples, &strains);
+                figures = Figures::of(self.strained(surface, samples, &mut strains, fork, Sums::of));
                 cost = figures.cost(&scales, options);
                 if cost <= OVERSHOOT * before || fraction <= SHORTEST {
                     break;
@@ -210,14 +231,17 @@ impl IsometricMap {
 }
 
 /// Multiplies the weights of angle errors by a power of their size, and scales them so that they sum up to `total`.
-fn weigh_angles(samples: &mut [Sample], strains: &[Strain], figures: &Figures, total: f64, by_size: bool) {
+fn weigh_angles(samples: &mut [Sample], strains: &Strains, figures: &Figures, total: f64, by_size: bool) {
     let mut sum = 0.0;
-    for (place, strain) in samples.chunk_by_mut(Sample::is_at).zip(strains) {
-        let ratio = (strain.angle_error() / figures.mean_angle).clamp(ANGLE_RATIOS[0], ANGLE_RATIOS[1]);
-        let factor = if by_size { ratio * ratio.sqrt() } else { 1.0 };
-        for sample in place {
-            sample.angle *= factor;
-            sum += sample.angle;
+    let (low, high) = samples.split_at_mut(half_of(samples));
+    for (samples, strains) in [low, high].into_iter().zip(strains) {
+        for (place, strain) in samples.chunk_by_mut(Sample::is_at).zip(strains) {
+            let ratio = (strain.angle_error() / figures.mean_angle).clamp(ANGLE_RATIOS[0], ANGLE_RATIOS[1]);
+            let factor = if by_size { ratio * ratio.sqrt() } else { 1.0 };
+            for sample in place {
+                sample.angle *= factor;
+                sum += sample.angle;
+            }
         }
     }
     let scale = if sum > 0.0 { total / sum } else { 0.0 };

@@ -38,10 +38,8 @@ fn frame(width: f64, height: f64) -> Ink {
 
 const MIDDLE: FlatPoint = FlatPoint::new(0.0, 0.0);
 
-fn strains(map: &IsometricMap, task: &Task) -> Vec<Strain> {
-    let mut strains = Vec::new();
-    strains_at(map, task.surface, task.samples, &mut strains);
-    strains
+fn energy(map: &IsometricMap, task: &Task) -> f64 {
+    map.energy(task, &mut Strains::default(), &InTurn)
 }
 
 #[test]
@@ -55,14 +53,16 @@ fn derivatives_match_differences_of_the_energy() {
     let (columns, rows) = (map.knots_s.control_points(), map.knots_t.control_points());
     let shift: Vec<[f64; 2]> =
         (0..columns * rows).map(|index| [(index as f64).sin(), (index as f64 * 1.7).cos()]).collect();
-    let equations = equations(&map, MIDDLE, &samples, &strains(&map, &task), &task.cap);
+    let mut strains = Strains::default();
+    map.energy(&task, &mut strains, &InTurn);
+    let equations = equations(&map, MIDDLE, &samples, &strains, &task.cap, &InTurn);
     let expected = -2.0 * equations.gain(&shift);
     let start = map.control.clone();
     let mut energy_at = |length: f64| {
         for (point, (old, shift)) in map.control.iter_mut().zip(start.iter().zip(&shift)) {
             *point = old + Vector2::from(*shift) * length;
         }
-        map.energy(&task, &strains(&map, &task))
+        energy(&map, &task)
     };
     let found = (energy_at(1e-6) - energy_at(-1e-6)) / 2e-6;
     assert!((found / expected - 1.0).abs() < 1e-5, "{found} for {expected}");
@@ -156,7 +156,7 @@ fn gathered_lines_have_the_energy_of_their_pieces() {
     let energy = |most_places: usize| {
         let samples = map.samples(&ink, &Weights::START, Fineness { most_places, ..FINE });
         let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: Cap(0.01) };
-        map.energy(&task, &strains(&map, &task))
+        energy(&map, &task)
     };
     let (gathered, each) = (energy(FINE.most_places), energy(usize::MAX));
     assert!((gathered / each - 1.0).abs() < 0.01, "{gathered} for {each}");
@@ -185,7 +185,7 @@ fn paper_resists_every_pattern_of_control_points() {
     let samples = map.samples(&ink, &Weights::EVEN, FINE);
     let task = Task { surface: &surface, samples: &samples, anchor: MIDDLE, cap: Cap::NONE };
     let (columns, start) = (map.knots_s.control_points(), map.control.clone());
-    let flat = map.energy(&task, &strains(&map, &task));
+    let flat = energy(&map, &task);
     let patterns: [fn(usize, usize) -> bool; 5] = [
         |column, row| (column + row) % 2 == 0,
         |column, _| column % 2 == 0,
@@ -199,7 +199,7 @@ fn paper_resists_every_pattern_of_control_points() {
                 let sign = if pattern(index % columns, index / columns) { 1.0 } else { -1.0 };
                 *point = start + axis * (0.1 * sign);
             }
-            let energy = map.energy(&task, &strains(&map, &task));
+            let energy = energy(&map, &task);
             // A strain of 0.1 mm over a cell of 1.5 mm, weakened by the spline.
             assert!(energy > flat + 1e-5, "{energy:.2e} beside {flat:.2e}");
         }
