@@ -23,6 +23,10 @@ const LEAST_TRIANGLES: usize = 24;
 const FLAT: f64 = 2.5;
 /// The normals of facets differ from that of the sphere by at most this, rad.
 const LEAN: f64 = 0.4;
+/// Normals of the file that differ from that of the sphere by less than this, rad, are as exact; …
+const EXACT: f64 = 1e-3;
+/// … those that differ by more than this are not meant for it.
+const MOST_OFF: f64 = 0.06;
 /// Triangles are looked at so many times on average, at most.
 const MOST_VISITS: usize = 4;
 /// Meshes with more triangles are fine; a search would take long.
@@ -100,8 +104,9 @@ impl Surface for Ball<'_> {
 }
 
 /// Replaces normals that are `estimated` by those of the spheres that their vertices show, as exact as those of a file: they are not
-/// estimated any more, and have no `deviations`. `is_round` are the triangles whose normals are known. At an edge that the facets
-/// beyond show, the sphere gets vertices of its own.
+/// estimated any more, and have no `deviations`. So are those of the file that are nearly right, as averages of the facets round a
+/// vertex are. `is_round` are the triangles whose normals are known. At an edge that the facets beyond show, the sphere gets vertices of
+/// its own.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     estimated: &mut Vec<bool>,
@@ -109,12 +114,19 @@ pub(super) fn settle(
     is_round: &[bool],
     fork: &dyn Fork,
 ) {
-    if mesh.triangles.len() > MOST_TRIANGLES || !estimated.contains(&true) {
+    if mesh.triangles.len() > MOST_TRIANGLES {
         return;
     }
     let found = balls(mesh, estimated, is_round, fork);
     if found.is_empty() {
         return;
+    }
+    for (sphere, triangles, _, way) in &found {
+        for vertex in triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
+            let vertex = vertex as usize;
+            let outward = sphere.outward(&mesh.positions[vertex]) * *way;
+            estimated[vertex] |= mesh.normals[vertex].dot(&outward) > MOST_OFF.cos();
+        }
     }
     let mut is_known = vec![false; mesh.positions.len()];
     for (corners, _) in mesh.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round) {
@@ -148,7 +160,7 @@ fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool], fork: &dyn Fo
     let neighbours = || Neighbours::of(&mesh.triangles, mesh.positions.len());
     // Vertices that are not at the rim of anything, and a triangle of each vertex.
     let insides = || {
-        let mut is_inside = estimated.to_vec();
+        let mut is_inside = vec![true; mesh.positions.len()];
         for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
             let corners = mesh.triangles[side / 3];
             for corner in [side % 3, (side % 3 + 1) % 3] {
@@ -178,6 +190,14 @@ fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool], fork: &dyn Fo
         ring.iter().for_each(|&other| is_tried[other as usize] = true);
         is_tried[vertex] = true;
         let Some(ball) = ball_at(mesh, &around, vertex, near) else { continue };
+        let is_exact = |&other: &u32| {
+            let other = other as usize;
+            let outward = ball.0.outward(&mesh.positions[other]);
+            !estimated[other] && mesh.normals[other].cross(&outward).norm() < EXACT
+        };
+        if ring.iter().all(is_exact) {
+            continue;
+        }
         let first = triangle_of[vertex] as usize;
         if first >= is_known.len() || is_known[first] || looks.left == 0 {
             continue;
@@ -314,6 +334,10 @@ mod tests {
 
     /// A part of a surface over a grid of steps of 2.5 mm, whose vertices are moved by up to a third of a step.
     fn over_grid(height: impl Fn(f64, f64) -> f64) -> SmoothMesh {
+        SmoothMesh::new(&mesh_over_grid(height), &View::top())
+    }
+
+    fn mesh_over_grid(height: impl Fn(f64, f64) -> f64) -> TriMesh {
         let mut state = 11u64;
         let mut random = || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -331,7 +355,28 @@ mod tests {
                 }
             }
         }
-        SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top())
+        TriMesh::new(positions, Vec::new(), triangles).unwrap()
+    }
+
+    #[test]
+    fn averages_over_the_facets_of_a_ball_give_way_to_its_normals() {
+        let mesh = mesh_over_grid(|x, y| (80.0f64 * 80.0 - x * x - y * y).sqrt());
+        let mut averages = vec![Vector3::zeros(); mesh.positions().len()];
+        for &triangle in mesh.triangles() {
+            let [a, b, c] = mesh.corners(triangle);
+            triangle.iter().for_each(|&vertex| averages[vertex as usize] += (b - a).cross(&(c - a)));
+        }
+        averages.iter_mut().for_each(|average| *average = average.normalize());
+        let off = |at: &Point3<f64>, normal: &Vector3<f64>| (normal - at.coords / 80.0).norm();
+        let is_inside = |at: &Point3<f64>| at.x.abs().max(at.y.abs()) < 16.0;
+        let lean =
+            mesh.positions().iter().zip(&averages).filter(|(at, _)| is_inside(at)).map(|(at, n)| off(at, n));
+        assert!(lean.fold(0.0, f64::max) > 5e-3);
+        let shaded = TriMesh::new(mesh.positions().to_vec(), averages, mesh.triangles().to_vec()).unwrap();
+        let cap = SmoothMesh::new(&shaded, &View::top());
+        for (at, normal) in cap.positions.iter().zip(&cap.normals).filter(|(at, _)| is_inside(at)) {
+            assert!(off(at, normal) < 1e-5, "{at}: {normal:?}");
+        }
     }
 
     #[test]
