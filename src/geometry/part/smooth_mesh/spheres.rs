@@ -117,7 +117,11 @@ pub(super) fn settle(
     if mesh.triangles.len() > MOST_TRIANGLES {
         return;
     }
-    let found = balls(mesh, estimated, is_round, fork);
+    let is_open = open(mesh, estimated);
+    if !is_open.contains(&true) {
+        return;
+    }
+    let found = balls(mesh, estimated, &is_open, is_round, fork);
     if found.is_empty() {
         return;
     }
@@ -152,15 +156,40 @@ pub(super) fn settle(
     }
 }
 
+/// For each vertex whether its normal is estimated or, together with that of a neighbour, differs from those of a circle through
+/// both.
+fn open(mesh: &SmoothMesh, estimated: &[bool]) -> Vec<bool> {
+    let mut is_open = estimated.to_vec();
+    for triangle in 0..mesh.triangles.len() {
+        let vertices = mesh.triangles[triangle].map(|vertex| vertex as usize);
+        let (corners, normals) = mesh.corners(triangle);
+        for [from, to] in [[0, 1], [1, 2], [2, 0]] {
+            let along = corners[to] - corners[from];
+            let uneven = along.dot(&(normals[from] + normals[to]));
+            if uneven * uneven > EXACT * EXACT * along.norm_squared() {
+                is_open[vertices[from]] = true;
+                is_open[vertices[to]] = true;
+            }
+        }
+    }
+    is_open
+}
+
 /// A sphere with its triangles, its vertices at edges, and −1 if it is hollow.
 type Found = (Sphere, Vec<usize>, Vec<u32>, f64);
 
-fn balls(mesh: &SmoothMesh, estimated: &[bool], is_round: &[bool], fork: &dyn Fork) -> Vec<Found> {
+fn balls(
+    mesh: &SmoothMesh,
+    estimated: &[bool],
+    is_open: &[bool],
+    is_round: &[bool],
+    fork: &dyn Fork,
+) -> Vec<Found> {
     let near = precision(mesh);
     let neighbours = || Neighbours::of(&mesh.triangles, mesh.positions.len());
     // Vertices that are not at the rim of anything, and a triangle of each vertex.
     let insides = || {
-        let mut is_inside = vec![true; mesh.positions.len()];
+        let mut is_inside = is_open.to_vec();
         for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
             let corners = mesh.triangles[side / 3];
             for corner in [side % 3, (side % 3 + 1) % 3] {
