@@ -22,7 +22,7 @@ const EXPLAINED: f64 = 0.5;
 const STRETCH_OF_CURVATURE: f64 = 0.3;
 
 /// What helps where normals do not fit the vertices.
-pub(super) const TRUE_NORMALS: &str = "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export the part again, \
+const TRUE_NORMALS: &str = "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export the part again, \
                                        or set `normals = \"estimate\"` (`--normals estimate`), which takes them from the facets.";
 
 /// Why the surface is uncertain, or lengths change, at a place.
@@ -72,7 +72,8 @@ impl Cause {
             stretch.abs() <= 2.0 * noise.normals_off_deg.to_radians().tan()
                 || is_uncertain && part.surface.field.kink(at).is_none_or(|kink| kink <= kinks)
         };
-        if let Some(lean) = part.facts.normals_lean_deg.filter(|_| is_uncertain) {
+        let explains = |lean: &f64| is_uncertain && stretch.abs() <= 2.0 * lean.to_radians().tan();
+        if let Some(lean) = part.facts.normals_lean_deg.filter(explains) {
             return Self::Normals(lean);
         }
         let facet = facet_length(&part.facts).filter(|_| is_uncertain);

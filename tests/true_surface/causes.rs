@@ -305,3 +305,17 @@ fn scatter_that_is_not_smoothed_is_named_and_not_taken_for_coarse_facets() {
     assert!((found / 0.01 - 1.0).abs() < 0.2, "{text}");
     assert!(text.contains("smooth the mesh") && !text.contains("coarse"), "{text}");
 }
+
+/// The CAD kernels that wrote these files compute their normals from the exact faces, however coarse the facets are.
+#[test]
+fn exact_normals_of_coarse_cad_exports_are_not_taken_for_turned() {
+    for part in ["mandarin", "mouse", "can", "assembly"] {
+        for name in ["build123d.glb", "occ8-coarse.glb", "fc020-coarse.glb"] {
+            let path = format!("{}/tests/data/parts/{part}/{name}", env!("CARGO_MANIFEST_DIR"));
+            let Ok(bytes) = fs_err::read(&path) else { continue };
+            let reading =
+                mesh::read(&bytes, MeshFormat::Glb, &MeshOptions::default(), &BTreeMap::new()).unwrap();
+            assert_eq!(reading.facts.normals_lean_deg, None, "{part} {name}");
+        }
+    }
+}

@@ -10,7 +10,7 @@ use crate::geometry::mapping::floater::FloaterError;
 use crate::geometry::mapping::isometric::{Instead, IsometricError};
 use crate::geometry::mapping::mapping_domain::MappingDomainError;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
-use crate::pipeline::causes::{Cause, KINK_OF_NOISE, NOISE_REACH, TRUE_NORMALS};
+use crate::pipeline::causes::{Cause, KINK_OF_NOISE, NOISE_REACH};
 use crate::pipeline::landmarks::Lift;
 use crate::pipeline::{
     Aim, CachedSurface, CorrectionSettings, Distortion, Ink, JobSettings, LengthTrueMap, Method, Sku,
@@ -199,17 +199,15 @@ pub(in crate::pipeline) fn uncertain(
 ) -> Result<(), Reason> {
     let uncertain = &after.uncertain;
     let limit = UNKNOWN_SHARE * after.length;
+    let of_mesh = cause_of_uncertainty(facts, uncertain.max_slope);
     if uncertain.length_error > limit {
         let remedy = match &facts.scan {
             Some(_) => {
                 "Scan with less noise, more points and without outliers, or use a model of the part from CAD."
             }
-            None if facts.normals_lean_deg.is_some() => TRUE_NORMALS,
-            None => finer_facets(facts),
+            None => of_mesh.map_or_else(|| finer_facets(facts), Cause::remedy),
         };
-        let because = facts
-            .normals_lean_deg
-            .map_or(String::new(), |lean| format!(", because {}", Cause::Normals(lean).clause()));
+        let because = of_mesh.map_or(String::new(), |cause| format!(", because {}", cause.clause()));
         return Err(Reason::new(
             "surface-unknown",
             format!(
@@ -226,7 +224,6 @@ pub(in crate::pipeline) fn uncertain(
         && uncertain.length_error > after.length_error / 2.0
         && !is_shown
     {
-        let of_mesh = cause_of_uncertainty(facts, uncertain.max_slope);
         let (cause, remedy) = match &facts.scan {
             // Smoothing leaves less of the noise than there is.
             Some(scan) if scan.surfaces.iter().all(|surface| uncertain.max_height > surface.noise_mm) => (
@@ -256,7 +253,7 @@ pub(in crate::pipeline) fn uncertain(
 
 /// What makes the slope of a mesh uncertain by `slope`, rad, other than the size of its facets.
 fn cause_of_uncertainty(facts: &PartFacts, slope: f64) -> Option<Cause> {
-    if let Some(lean) = facts.normals_lean_deg {
+    if let Some(lean) = facts.normals_lean_deg.filter(|lean| slope <= NOISE_REACH * lean.to_radians()) {
         return Some(Cause::Normals(lean));
     }
     let seen = facts.noise.or(facts.scatter).filter(|_| facts.normals_used != Some(NormalsUsed::Smoothed))?;
