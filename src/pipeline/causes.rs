@@ -9,7 +9,7 @@ use crate::geometry::surface::fit::FittedSurface;
 pub(super) const NOISE_REACH: f64 = 4.0;
 /// Slope at which two facets of a square grid meet at their diagonal, on a plane whose vertices scatter by as much as a cell is
 /// wide: one standard deviation.
-const KINK_OF_NOISE: f64 = 2.83;
+pub(super) const KINK_OF_NOISE: f64 = 2.83;
 /// Minimum doubt about the surface, mm, that is named as a cause.
 const NOTABLE_DOUBT: f64 = 0.005;
 /// Kinks between facets of a smooth surface have smaller angles than this, rad; those of an edge are larger.
@@ -21,11 +21,19 @@ const EXPLAINED: f64 = 0.5;
 /// The stretch that remains on a part of Gaussian curvature K, under ink of length 2·b, is about this times K·b².
 const STRETCH_OF_CURVATURE: f64 = 0.3;
 
+/// What helps where normals do not fit the vertices.
+const TRUE_NORMALS: &str = "Recalculate the normals (in Blender: Mesh > Normals > Reset Vectors) and export the part again, \
+                                       or set `normals = \"estimate\"` (`--normals estimate`), which takes them from the facets.";
+
 /// Why the surface is uncertain, or lengths change, at a place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cause {
     /// The vertices of the mesh scatter by this standard deviation, mm.
     Noise(f64),
+    /// The same, where it is too small to be smoothed.
+    Scatter(f64),
+    /// The file's normals lean by this angle, deg, from those of a smooth surface through the vertices.
+    Normals(f64),
     /// The surface ends beside it.
     Hole,
     /// An edge or a ridge with this angle, rad.
@@ -64,6 +72,10 @@ impl Cause {
             stretch.abs() <= 2.0 * noise.normals_off_deg.to_radians().tan()
                 || is_uncertain && part.surface.field.kink(at).is_none_or(|kink| kink <= kinks)
         };
+        let explains = |lean: &f64| is_uncertain && stretch.abs() <= 2.0 * lean.to_radians().tan();
+        if let Some(lean) = part.facts.normals_lean_deg.filter(explains) {
+            return Self::Normals(lean);
+        }
         let facet = facet_length(&part.facts).filter(|_| is_uncertain);
         match (Self::of_the_part(part, at, is_noise), facet) {
             (Some(cause), _) => cause,
@@ -97,7 +109,12 @@ impl Cause {
     /// What the cause is, as a clause.
     pub(super) fn clause(self) -> String {
         match self {
-            Self::Noise(noise) => format!("the vertices of the mesh scatter by {noise:.4} mm"),
+            Self::Noise(noise) | Self::Scatter(noise) => {
+                format!("the vertices of the mesh scatter by {noise:.4} mm")
+            }
+            Self::Normals(lean) => format!(
+                "the normals in the file lean by {lean:.1} deg from those of a smooth surface through its vertices"
+            ),
             Self::Hole => "the surface ends there, at a hole, a rim or a cliff".into(),
             Self::Crease(angle) => {
                 format!("the part has an edge or a ridge of {:.0} deg there", angle.to_degrees())
@@ -122,6 +139,10 @@ impl Cause {
             Self::Noise(_) => {
                 "Set `normals = \"auto\"`, which smooths the part as a scan, or smooth the mesh before it is exported."
             }
+            Self::Scatter(_) => {
+                "Export the part from CAD, with more decimals, or smooth the mesh before it is exported."
+            }
+            Self::Normals(_) => TRUE_NORMALS,
             Self::Hole => {
                 "Move the drawing away from there, or close the hole (`bridge_mm` bridges small ones)."
             }

@@ -19,6 +19,7 @@ use super::{CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Patter
 use crate::config::{Align, Anchor, Losses, OutsideMark, ViewSource, parse_facing};
 use crate::formats::mesh::{PartFacts, SideFacts};
 use crate::geometry::mesh::TriMesh;
+use crate::geometry::normal_equations::SolveError;
 use crate::geometry::optics::Lens;
 use crate::geometry::pattern::Shape;
 use crate::geometry::primitive::Primitive;
@@ -261,11 +262,26 @@ pub(super) fn fit_reason(error: &FitError, settings: &PartSettings) -> Reason {
         )
         .at(Place { coordinate: Some(vec![skins.at.x, skins.at.y]), ..Place::default() })
         .with_number("share of the side with two surfaces", skins.share * 100.0, "%", None),
+        FitError::Solve(error) => {
+            let (why, remedy) = unsolved(error, "Export the part with a finer mesh, or mark another side.");
+            Reason::new("surface-fit-failed", format!("No surface could be fitted to {side}: {why}."), remedy)
+        }
         _ => Reason::new(
             "surface-fit-failed",
             format!("No surface could be fitted to {side}: {error}."),
             "Export the part with a finer mesh, or mark another side.",
         ),
+    }
+}
+
+/// Why equations could not be solved, for people, and what helps; `remedy` is that for a part that is too rough.
+fn unsolved<'r>(error: &SolveError, remedy: &'r str) -> (&'static str, &'r str) {
+    match error {
+        SolveError::OutOfMemory { .. } => (
+            "there is not enough memory",
+            "Close other programs, or use a computer with more memory. A smaller drawing and a coarser part need less.",
+        ),
+        _ => ("too little of it is smooth, or it is torn by edges, steps and damaged facets", remedy),
     }
 }
 
@@ -554,4 +570,22 @@ pub(super) fn doubting_unit(reason: Reason, facts: &PatternFacts) -> Reason {
         reason.remedy
     );
     Reason { remedy, ..reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equations_without_a_solution_are_explained_without_their_number() {
+        for (error, cause, remedy) in [
+            (SolveError::NotPositiveDefinite { unknowns: 648 }, "too little of it is smooth", "finer mesh"),
+            (SolveError::Inaccurate { unknowns: 648, residual: 0.1 }, "damaged facets", "finer mesh"),
+            (SolveError::OutOfMemory { unknowns: 648 }, "not enough memory", "more memory"),
+        ] {
+            let reason = fit_reason(&FitError::Solve(error), &PartSettings::default());
+            assert!(reason.what.contains(cause) && reason.remedy.contains(remedy), "{reason:?}");
+            assert!(!reason.what.contains("648") && !reason.what.contains("unknowns"), "{reason:?}");
+        }
+    }
 }

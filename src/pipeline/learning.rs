@@ -403,6 +403,8 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
         normals_used: None,
         normals_missing: 0,
         noise: None,
+        scatter: None,
+        normals_lean_deg: None,
         one_sided_at_mm: None,
         frame: None,
         mark_area_mm2: None,

@@ -373,10 +373,12 @@ const CODES: &[Code] = &[
         "facets-coarse",
         "The part's facets, or the points of a scan, leave its surface uncertain under the drawing.",
         "The vertices of a mesh are on the part; between them isomark continues the surface smoothly. Where neighbouring \
-         facets lead to different slopes, the true surface is not known exactly. The reported errors of lengths, areas \
+         facets lead to different slopes, the true surface is not known exactly. The same holds where the normals in the file lean \
+         from those of a smooth surface, or the vertices scatter; the warning names which of these it is. The reported errors of lengths, areas \
          and angles contain this uncertainty (`uncertain` in the report), and here it is most of the length error.",
         "Export the part as glTF from CAD, which contains the normals of the true surface, and with a deviation of 0.05 mm. \
-         In Blender, apply the Subdivision modifier. A scan needs less noise or more points.",
+         In Blender, apply the Subdivision modifier; where the normals lean, use Mesh > Normals > Reset Vectors, or set \
+         `normals = \"estimate\"`. A scan needs less noise or more points.",
     ]),
     notice([
         "facets-flat",
@@ -939,8 +941,8 @@ const CODES: &[Code] = &[
     reason([
         "map-not-found",
         "No map that keeps the lengths was found.",
-        "The search for the map failed: the part is too steep or too rough under the drawing, or the equations \
-         could not be solved.",
+        "The search for the map failed: the part is too steep or too rough under the drawing, so that the equations \
+         have no solution, or there is not enough memory.",
         "Place the drawing where the part is less steep, or make it smaller. Export a rough part again with a \
          smaller deviation.",
     ]),
@@ -2036,7 +2038,8 @@ const CODES: &[Code] = &[
     both([
         "surface-fit-failed",
         "No surface could be fitted to the part.",
-        "The equations of the fit could not be solved for the side that faces the laser.",
+        "The equations of the fit could not be solved for the side that faces the laser: too little of it is smooth, or there is \
+         not enough memory.",
         "Export the part with a finer mesh, or mark another side.",
     ]),
     reason([

@@ -240,3 +240,82 @@ fn meshes_without_a_clear_meaning_are_refused_with_the_place() {
     let text = b"v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nf 1 2 3\nf 2 3 4\nf 1 1 2\n";
     assert!(matches!(read(text, NormalsChoice::Auto), Err(MeshReadError::NoTriangles { .. })));
 }
+
+/// Normally distributed numbers with a standard deviation of 1 (Box and Muller, A note on the generation of random normal deviates,
+/// 1958).
+fn normal_numbers() -> impl FnMut() -> f64 {
+    let mut state = 11u64;
+    let mut even = move || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        ((state >> 40) as f64 + 0.5) / (1u64 << 24) as f64
+    };
+    move || (-2.0 * even().ln()).sqrt() * (TAU * even()).cos()
+}
+
+/// A cylinder with a radius of 40 mm along y.
+fn arch(x: f64, _: f64) -> f64 {
+    (1600.0 - x * x).sqrt() - 40.0
+}
+
+#[test]
+fn normals_that_are_turned_are_named_with_their_angle_and_not_taken_for_coarse_facets() {
+    let mesh = sheet(2.0, arch);
+    let exact = |at: &Point3<f64>| Vector3::new(at.x, 0.0, at.z + 40.0) / 40.0;
+    for lean in [0.0, 2.0, 4.0, 8.0] {
+        let mut number = normal_numbers();
+        let mut turned = |at: &Point3<f64>| {
+            let off = Vector3::from_fn(|_, _| number() * f64::to_radians(lean));
+            (exact(at) + off).normalize()
+        };
+        let normals: Vec<Vector3<f64>> = mesh.positions().iter().map(&mut turned).collect();
+        let notices = marked(obj(&mesh, &normals), NormalsChoice::Auto, 1.0).unwrap();
+        if lean == 0.0 {
+            assert!(notices.iter().all(|notice| notice.code != "facets-coarse"), "{notices:#?}");
+            continue;
+        }
+        let text = text(&notices, "facets-coarse");
+        let found: f64 = text
+            .split("the normals in the file lean by ")
+            .nth(1)
+            .unwrap()
+            .split(' ')
+            .next()
+            .unwrap()
+            .parse()
+            .unwrap();
+        assert!((found / lean - 1.0).abs() < 0.1, "{lean} deg: {text}");
+        assert!(text.contains("Reset Vectors") && !text.contains("coarse"), "{text}");
+        for notice in &notices {
+            assert!(!notice.message.contains("too coarse"), "{lean} deg: {}", notice.message);
+        }
+    }
+}
+
+/// The scatter is less than the height of the arcs between neighbours, so that it is not smoothed.
+#[test]
+fn scatter_that_is_not_smoothed_is_named_and_not_taken_for_coarse_facets() {
+    let whole = sheet(2.0, arch);
+    let mut number = normal_numbers();
+    let scattered = |at: &Point3<f64>| at + Vector3::from_fn(|_, _| 0.01 * number());
+    let positions = whole.positions().iter().map(scattered).collect();
+    let mesh = TriMesh::new(positions, Vec::new(), whole.triangles().to_vec()).unwrap();
+    let notices = marked(obj(&mesh, &[]), NormalsChoice::Auto, 1.0).unwrap();
+    let text = text(&notices, "facets-coarse");
+    let found: f64 = text.split("scatter by ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!((found / 0.01 - 1.0).abs() < 0.2, "{text}");
+    assert!(text.contains("smooth the mesh") && !text.contains("coarse"), "{text}");
+}
+
+/// The CAD kernels that wrote these files compute their normals from the exact faces, however coarse the facets are.
+#[test]
+fn exact_normals_of_coarse_cad_exports_are_not_taken_for_turned() {
+    for part in ["mandarin", "mouse", "can", "assembly"] {
+        for name in ["build123d.glb", "occ8-coarse.glb", "fc020-coarse.glb"] {
+            let path = format!("{}/tests/data/parts/{part}/{name}", env!("CARGO_MANIFEST_DIR"));
+            let Ok(bytes) = fs_err::read(&path) else { continue };
+            let reading =
+                mesh::read(&bytes, MeshFormat::Glb, &MeshOptions::default(), &BTreeMap::new()).unwrap();
+            assert_eq!(reading.facts.normals_lean_deg, None, "{part} {name}");
+        }
+    }
+}

@@ -100,8 +100,13 @@ const WEIGHTS: [(&str, Weight); 4] = [
 /// A bar along y, ±`half` mm long, with a convex, counter-clockwise profile in x and z, as an OBJ file of polygons
 /// whose normals are averaged over all polygons at a vertex.
 fn shaded_bar(profile: &[[f64; 2]], half: f64, weight: Weight) -> String {
+    shaded(profile, half, weight, false)
+}
+
+/// The same, with ends that are one polygon each or fans of triangles round their middles.
+fn shaded(profile: &[[f64; 2]], half: f64, weight: Weight, are_fans: bool) -> String {
     let count = profile.len();
-    let points: Vec<Point3<f64>> =
+    let mut points: Vec<Point3<f64>> =
         [-half, half].iter().flat_map(|y| profile.iter().map(|[x, z]| Point3::new(*x, *y, *z))).collect();
     let sides = (0..count).map(|first| {
         let second = (first + 1) % count;
@@ -109,7 +114,17 @@ fn shaded_bar(profile: &[[f64; 2]], half: f64, weight: Weight) -> String {
     });
     let front: Vec<usize> = (0..count).rev().collect();
     let back: Vec<usize> = (count..2 * count).collect();
-    let mut polygons: Vec<Vec<usize>> = sides.chain([front, back]).collect();
+    let mut polygons: Vec<Vec<usize>> = sides.collect();
+    for end in [front, back] {
+        if !are_fans {
+            polygons.push(end);
+            continue;
+        }
+        let sum: Vector3<f64> = end.iter().map(|&vertex| points[vertex].coords).sum();
+        let middle = points.len();
+        points.push(Point3::from(sum / end.len() as f64));
+        polygons.extend((0..count).map(|place| vec![end[place], end[(place + 1) % count], middle]));
+    }
     // Counter-clockwise seen from outside.
     for polygon in &mut polygons {
         let middle =
@@ -195,6 +210,47 @@ fn averaged_normals_distort_neither_flat_sides_nor_cylinders() {
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// Blender and others close a cylinder with a polygon or with triangles round a vertex in its middle.
+#[test]
+fn ends_that_are_fans_distort_no_cylinder() {
+    let mut failures = Vec::new();
+    for (name, weight) in WEIGHTS {
+        for sides in [16, 24, 32, 64] {
+            let corner = |step: i32| {
+                let angle = TAU * (f64::from(step) + 0.5) / f64::from(sides);
+                [20.0 * angle.cos(), 20.0 * angle.sin()]
+            };
+            let profile: Vec<[f64; 2]> = (0..sides).map(corner).collect();
+            let reading = read_bar(&shaded(&profile, 30.0, weight, true));
+            let side = seen_from(&reading, Vector3::z());
+            let patch = Extents { min: Vector2::new(-12.0, -26.0), max: Vector2::new(12.0, 26.0) };
+            let fit = SampledPatch::under(&side, &patch).ok().and_then(|patch| CylinderFit::to(&patch).ok());
+            let limit = if sides < 24 { 0.005 } else { 0.001 };
+            let is_round =
+                |fit: &CylinderFit| (fit.cylinder.radius - 20.0).abs() < limit && fit.residual < limit;
+            if !fit.as_ref().is_some_and(is_round) || side.doubts().iter().any(|doubt| *doubt > 0.0) {
+                failures.push(format!("{sides} sides, {name}: {fit:?}, {:?}", reading.facts.normals));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// Every vertex of a prism is between facets that are not in one plane, and its normal is their average.
+#[test]
+fn the_number_of_averages_is_reported() {
+    let corner = |step: i32| {
+        [20.0 * (TAU * f64::from(step) / 16.0).cos(), 20.0 * (TAU * f64::from(step) / 16.0).sin()]
+    };
+    let profile: Vec<[f64; 2]> = (0..16).map(corner).collect();
+    for (name, weight) in WEIGHTS {
+        let reading = read_bar(&shaded_bar(&profile, 30.0, weight));
+        let notice = reading.facts.notices.iter().find(|notice| notice.code == "normals-estimated").unwrap();
+        assert!(notice.message.contains("of 32 normals"), "{name}: {}", notice.message);
+        assert!(notice.message.contains(" 32 are averages"), "{name}: {}", notice.message);
+    }
 }
 
 #[test]

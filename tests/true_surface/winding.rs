@@ -258,3 +258,29 @@ fn a_moebius_strip_is_reported_with_its_place() {
         assert!((22.0..=38.0).contains(&from_axis) && at[2].abs() <= 8.0, "{}", notice.message);
     }
 }
+
+/// Two bodies at one place, or the front and the back of a sheet: a triangle is no neighbour of its copy.
+#[test]
+fn a_copy_of_a_skin_reverses_nothing_and_hides_no_reversed_triangles() {
+    let mesh = shapes::graph(10.0, 1.0, shapes::sphere);
+    for (is_turned, percent) in [(false, 0), (true, 0), (false, 20)] {
+        let chosen = (0..mesh.triangles().len()).filter(|&triangle| is_chosen(triangle, percent)).count();
+        let single = |(triangle, &[a, b, c]): (usize, &[u32; 3])| {
+            if is_chosen(triangle, percent) { [a, c, b] } else { [a, b, c] }
+        };
+        let singles: Vec<[u32; 3]> = mesh.triangles().iter().enumerate().map(single).collect();
+        let copies = singles.iter().map(|&[a, b, c]| if is_turned { [a, c, b] } else { [a, b, c] });
+        let both = singles.iter().copied().chain(copies).collect();
+        let both = TriMesh::new(mesh.positions().to_vec(), Vec::new(), both).unwrap();
+        let reading = read("a.obj", obj(&both, 0, &[]).as_bytes());
+        let notice = reading.facts.notices.iter().find(|notice| notice.code == "winding-made-alike");
+        let reversed: usize =
+            notice.map_or(0, |notice| notice.message.split(' ').next().unwrap().parse().unwrap());
+        assert_eq!(reversed, 2 * chosen, "{is_turned} {percent} %");
+        let surface = fitted(&reading);
+        for (x, y) in [(0.3, 0.4), (-6.2, 5.1), (7.0, -6.6)] {
+            let off = surface.nurbs.height(ViewPoint::new(x, y)) - shapes::sphere(x, y);
+            assert!(off.abs() < 0.005, "{is_turned} {percent} % at ({x}, {y}): {off} mm");
+        }
+    }
+}

@@ -7,6 +7,7 @@ use super::{Decision, LengthUnit, MeshFormat, ScanFacts, UpAxis};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::noise::Noise;
 use crate::geometry::point_cloud::PointCloud;
+use crate::geometry::shading::Judgement;
 use crate::geometry::sides::{SIDES, Side};
 use crate::geometry::solid::Solid;
 use crate::geometry::solid::round::RoundForm;
@@ -94,6 +95,13 @@ pub struct PartFacts {
     /// The scatter of a mesh's vertices, where it misleads the normals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<MeshNoise>,
+    /// The scatter of a mesh's vertices, where it is seen and too small to mislead the normals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scatter: Option<MeshNoise>,
+    /// How far the file's normals, where they are used, lean from those of a smooth surface through the vertices, root mean
+    /// square, deg; absent where they fit one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normals_lean_deg: Option<f64>,
     /// The marking frame, from a node `isomark` in a glTF file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<FrameFacts>,
@@ -373,13 +381,15 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl NormalsFound {
-    pub(super) fn notice(self) -> Option<Notice> {
+    pub(super) fn notice(self, judged: &Judgement) -> Option<Notice> {
         let found = match self {
-            Self::None => "the file has no normals",
-            Self::FacetsOnly => "the file's normals only repeat the flat facets",
-            Self::Averaged => {
-                "the file's normals are averages for smooth shading, not the normals of the surface"
-            }
+            Self::None => "the file has no normals".to_owned(),
+            Self::FacetsOnly => "the file's normals only repeat the flat facets".to_owned(),
+            Self::Averaged => format!(
+                "the file's normals are averages for smooth shading, not the normals of the surface (of {} normals between facets \
+                 that are not in one plane, {} are averages of these facets)",
+                judged.of, judged.averages
+            ),
             Self::Smooth => return None,
         };
         let message = format!(

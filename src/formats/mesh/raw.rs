@@ -11,12 +11,13 @@ use super::{
     PartFacts, PartReading, Shape, SolidPart, UpAxis,
 };
 use crate::formats::Pace;
+use crate::geometry::chord_normals;
 use crate::geometry::flat_shading::{OpenFacets, Rounding};
 use crate::geometry::holes::{self, Bridge};
 use crate::geometry::mesh::{MeshError, TriMesh};
 use crate::geometry::noise;
 use crate::geometry::point_cloud::PointCloud;
-use crate::geometry::shading;
+use crate::geometry::shading::{self, Judgement};
 use crate::geometry::solid::Solid;
 use crate::geometry::solid::frame::Placement;
 use crate::geometry::space::MarkingFrame;
@@ -167,7 +168,7 @@ impl RawPart {
         self.notices.extend(misnamed);
         self.notices.extend(understood.notices(triangles));
         let is_estimated = matches!(understood.used, Some(NormalsUsed::Estimated | NormalsUsed::Mixed));
-        self.notices.extend(self.normals_found.notice().filter(|_| is_estimated));
+        self.notices.extend(self.normals_found.notice(&understood.judged).filter(|_| is_estimated));
         let facts = PartFacts {
             format: Some(self.clues.format),
             producer: self.clues.producer,
@@ -180,6 +181,8 @@ impl RawPart {
             normals_used: understood.used,
             normals_missing: understood.missing,
             noise: understood.noise,
+            scatter: understood.scatter,
+            normals_lean_deg: understood.normals_lean.map(f64::to_degrees),
             frame: frame.map(FrameFacts::from),
             sides: Vec::new(),
             mark_area_mm2: (!mark_faces.is_empty()).then(|| mark_faces.iter().map(area).sum()),
@@ -333,6 +336,11 @@ struct Understood {
     winding: Winding,
     bridges: Vec<Bridge>,
     noise: Option<MeshNoise>,
+    /// Scatter that can be seen and does not mislead the normals.
+    scatter: Option<MeshNoise>,
+    /// How far the file's normals, which are used, lean from a smooth surface, rad, where they do not fit one.
+    normals_lean: Option<f64>,
+    judged: Judgement,
     used: Option<NormalsUsed>,
     /// Vertices without a normal, where others have one.
     missing: usize,
@@ -355,7 +363,9 @@ fn understood_mesh(
 ) -> Result<(TriMesh, Understood), MeshReadError> {
     let (mesh, winding) = winding::made_alike(mesh);
     let (mesh, bridges) = holes::bridged(mesh, options.bridge);
-    let noise = noise::of(&mesh).map(|noise| MeshNoise::new(&noise));
+    let found_noise = noise::of(&mesh);
+    let noise = found_noise.filter(|noise| noise.misleads).map(|noise| MeshNoise::new(&noise));
+    let scatter = found_noise.filter(|noise| !noise.misleads).map(|noise| MeshNoise::new(&noise));
     // The facets of large meshes are small. If the file shades some of them flat, they are looked at all the same.
     let is_looked_at = options.normals == NormalsChoice::Auto
         && !(mesh.normals().is_empty() && mesh.triangles().len() > QUICK_TRIANGLES);
@@ -371,7 +381,8 @@ fn understood_mesh(
     } else {
         mesh.without_normals_at(chosen)
     };
-    if shading::only_shade(&mesh) {
+    let judged = shading::judged(&mesh);
+    if judged.only_shades {
         *found = NormalsFound::Averaged;
     }
     let is_missing = |normal: &&Vector3<f64>| **normal == Vector3::zeros();
@@ -407,6 +418,11 @@ fn understood_mesh(
         winding,
         bridges,
         noise,
+        scatter,
+        normals_lean: matches!(used, NormalsUsed::File | NormalsUsed::Mixed)
+            .then(|| chord_normals::turned(&mesh))
+            .flatten(),
+        judged,
         used: Some(used),
         missing: if used == NormalsUsed::Mixed { missing } else { 0 },
         lacks_normals: options.normals == NormalsChoice::File && *found == NormalsFound::None,

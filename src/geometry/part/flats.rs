@@ -147,10 +147,33 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
     (0..mesh.triangles.len()).map(doubt).collect()
 }
 
-/// For each triangle, the area of its plane, mm².
-pub(super) fn plane_areas(mesh: &SmoothMesh) -> Vec<f64> {
+/// The plane of a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PlaneOf {
+    /// mm².
+    pub(super) area: f64,
+    /// Whether it can be one polygon that was divided into triangles: it has no vertex inside, as the middle of a fan is.
+    pub(super) is_polygon: bool,
+}
+
+/// For each triangle, its plane.
+pub(super) fn planes_of(mesh: &SmoothMesh) -> Vec<PlaneOf> {
     let planes = Planes::of(mesh, |_| true);
-    planes.of_triangle.iter().map(|&plane| planes.areas[plane as usize]).collect()
+    let mut triangles = vec![0usize; planes.normals.len()];
+    let mut sides = triangles.clone();
+    for (triangle, &plane) in planes.of_triangle.iter().enumerate() {
+        triangles[plane as usize] += 1;
+        let is_beyond =
+            |side: &&u32| planes.of_triangle.get(**side as usize / 3).is_none_or(|other| *other != plane);
+        sides[plane as usize] +=
+            mesh.continued[3 * triangle..3 * triangle + 3].iter().filter(is_beyond).count();
+    }
+    // A polygon without a vertex inside has two triangles fewer than sides.
+    let of_plane = |&plane: &u32| PlaneOf {
+        area: planes.areas[plane as usize],
+        is_polygon: triangles[plane as usize] + 2 == sides[plane as usize],
+    };
+    planes.of_triangle.iter().map(of_plane).collect()
 }
 
 /// The planes that meet at a vertex.

@@ -8,7 +8,7 @@ pub mod winding;
 pub(crate) mod rounding;
 pub mod noise;
 pub mod holes;
-pub(crate) mod chord_normals;
+pub mod chord_normals;
 pub(crate) mod shape_fit;
 pub mod cylinder;
 pub mod cone;

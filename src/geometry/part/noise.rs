@@ -54,6 +54,8 @@ pub struct Noise {
     pub deviation: f64,
     /// Mean distance between neighbouring vertices, mm.
     pub spacing: f64,
+    /// Whether it is so large that it misleads the normals.
+    pub misleads: bool,
 }
 
 /// What the vertices round one show.
@@ -70,7 +72,7 @@ struct Patch {
     middle: f64,
 }
 
-/// The noise of a mesh, where it is so large that it misleads the normals; `None` for other meshes.
+/// The noise of a mesh, where it can be told from its shape; `None` for other meshes.
 ///
 /// Vertices that the mesh repeats, as at the borders of CAD faces, are not neighbours.
 pub fn of(mesh: &TriMesh) -> Option<Noise> {
@@ -87,13 +89,14 @@ pub fn of(mesh: &TriMesh) -> Option<Noise> {
     let spacing = quantile(0.5, |patch| patch.spacing);
     let correlation = quantile(0.5, |patch| patch.correlation);
     let middle = quantile(0.5, |patch| patch.middle);
-    let is_noise = deviation > LEAST.max(MISLEADS * spacing).max(ROUNDING * rounding::step(mesh.positions()))
+    let is_noise = deviation > LEAST.max(ROUNDING * rounding::step(mesh.positions()))
         && deviation < MOST * spacing
         && upper < ALIKE * lower
         && (INDEPENDENT[0]..INDEPENDENT[1]).contains(&correlation)
-        && (NORMAL[0]..NORMAL[1]).contains(&middle)
+        && (NORMAL[0]..NORMAL[1]).contains(&middle);
+    let misleads = deviation > MISLEADS * spacing
         && quantile(0.5, |patch| patch.deviation - BEYOND_SAG * patch.sag) > 0.0;
-    is_noise.then_some(Noise { deviation, spacing })
+    is_noise.then_some(Noise { deviation, spacing, misleads })
 }
 
 /// What is shown round some vertices, spread evenly, where no edge runs through; and round how many it was looked for.

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{NONE, sliver_side, weld};
 use super::chord_normals::{self, Chord};
-use super::flats;
+use super::flats::{self, PlaneOf};
 use super::mesh::TriMesh;
 use super::smooth_mesh::{MOST_BEND, SmoothMesh};
 use crate::geometry::space::View;
@@ -107,41 +107,62 @@ struct Facet {
     area: f64,
     /// Of all facets in its plane, mm².
     plane_area: f64,
+    /// Whether the facets in its plane can be one polygon of the model.
+    is_of_polygon: bool,
     /// The longer of the sides that meet at the corner, mm.
     reach: f64,
 }
 
+/// What the normals of a file are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Judgement {
+    /// Whether they are only averages of the facets, for shading.
+    pub only_shades: bool,
+    /// Number of normals between bent facets that are averages of these.
+    pub averages: usize,
+    /// Number of normals between bent facets that were looked at.
+    pub of: usize,
+}
+
 /// Whether the normals of the file are only averages of its facets, for shading. `false` for a mesh without normals.
+pub fn only_shade(mesh: &TriMesh) -> bool {
+    judged(mesh).only_shades
+}
+
+/// Judges the normals of a file. For a mesh without normals nothing is found.
 ///
 /// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
 /// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
 /// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
 /// one: the vertex then votes for a surface. So does a vertex at the border of a curved face whose normal leaves the facets there.
-pub fn only_shade(mesh: &TriMesh) -> bool {
+pub fn judged(mesh: &TriMesh) -> Judgement {
     if mesh.normals().is_empty() {
-        return false;
+        return Judgement::default();
     }
     let estimate = |part: TriMesh| SmoothMesh::new(&part.with_shading_normals(), &View::top());
     let whole = (mesh.triangles().len() <= SMALL).then(|| estimate(mesh.clone()));
-    let areas = whole.as_ref().map(flats::plane_areas);
-    let places = Places::sampled(mesh, areas.as_deref());
+    let planes = whole.as_ref().map(flats::planes_of);
+    let places = Places::sampled(mesh, planes.as_deref());
     let mut averages: Vec<Averages> =
         places.facets.iter().flat_map(|facets| Averages::at(mesh, facets)).collect();
     let matches = |averages: &[Averages], weighting: usize| {
         averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
     };
-    let Some(weighting) = (0..WEIGHTINGS).max_by_key(|&weighting| matches(&averages, weighting)) else {
-        return false;
+    let Some((averaged, weighting)) = (0..WEIGHTINGS)
+        .map(|weighting| (matches(&averages, weighting), weighting))
+        .max_by_key(|(count, _)| *count)
+    else {
+        return Judgement::default();
     };
-    if averages.is_empty()
-        || (matches(&averages, weighting) as f64) < MIN_SHARE_OF_AVERAGES * averages.len() as f64
-    {
-        return false;
+    let all = averages.len();
+    let judgement = |only_shades: bool| Judgement { only_shades, averages: averaged, of: all };
+    if averages.is_empty() || (averaged as f64) < MIN_SHARE_OF_AVERAGES * all as f64 {
+        return judgement(false);
     }
-    let is_all = matches(&averages, weighting) as f64 > ALL_AVERAGES * averages.len() as f64;
+    let is_all = averaged as f64 > ALL_AVERAGES * all as f64;
     let steep = averages.iter().filter(|there| there.bend > MOST_BEND).count();
-    if is_all && 2 * steep > averages.len() {
-        return true;
+    if is_all && 2 * steep > all {
+        return judgement(true);
     }
     let (smooth, part) = match whole {
         Some(smooth) => (smooth, None),
@@ -150,7 +171,7 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
             averages = averages.into_iter().step_by(every).collect();
             let Some((part, triangles)) = neighbourhood(mesh, averages.iter().map(|there| there.corner / 3))
             else {
-                return false;
+                return judgement(false);
             };
             (estimate(part), Some(triangles))
         }
@@ -211,7 +232,7 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
         }
     }
     // Where as many speak for either, averages everywhere are no accident.
-    shading > surface || (is_all && shading > 0 && shading == surface)
+    judgement(shading > surface || (is_all && shading > 0 && shading == surface))
 }
 
 /// The sides that meet at a vertex, which is a corner of several facets, each for each of its facets. `normals` returns those of
@@ -252,7 +273,7 @@ fn bulges_alone(mesh: &TriMesh, there: &Averages) -> bool {
 }
 
 /// Number of ways in which modelling programs weight the facets round a vertex.
-const WEIGHTINGS: usize = 6;
+const WEIGHTINGS: usize = 9;
 
 /// The triangles within three vertices of the given ones, on which their estimates depend: as a mesh, and their
 /// indices in ascending order.
@@ -328,7 +349,9 @@ impl Averages {
     fn at(mesh: &TriMesh, facets: &[Facet]) -> Vec<Self> {
         let mut found: Vec<Self> = Vec::new();
         for (file, shared) in normals_at(mesh, facets) {
-            let polygons = Polygon::of(&shared);
+            let polygons = Polygon::of(&shared, |_| true);
+            // A cap that is a fan round its middle is not one polygon.
+            let pieces = Polygon::of(&shared, |facet| facet.is_of_polygon);
             let bends = polygons
                 .iter()
                 .flat_map(|one| polygons.iter().map(move |other| angle(one.normal, other.normal)));
@@ -340,13 +363,19 @@ impl Averages {
             let sum = |weight: &dyn Fn(&Facet) -> f64| {
                 direction(shared.iter().map(|facet| facet.normal * weight(facet)).sum())
             };
+            let over = |polygons: &[Polygon], weight: &dyn Fn(&Polygon) -> f64| {
+                direction(polygons.iter().map(|polygon| polygon.normal * weight(polygon)).sum())
+            };
             let averages = [
                 sum(&|facet| facet.angle),
                 sum(&|facet| facet.area),
                 sum(&|_| 1.0),
-                direction(polygons.iter().map(|polygon| polygon.normal).sum()),
-                direction(polygons.iter().map(|polygon| polygon.normal * polygon.area).sum()),
-                direction(polygons.iter().map(|polygon| polygon.normal * polygon.area * polygon.angle).sum()),
+                over(&polygons, &|_| 1.0),
+                over(&polygons, &|polygon| polygon.area),
+                over(&polygons, &|polygon| polygon.area * polygon.angle),
+                over(&pieces, &|_| 1.0),
+                over(&pieces, &|polygon| polygon.area),
+                over(&pieces, &|polygon| polygon.area * polygon.angle),
             ];
             let corner = shared[0].corner;
             let faces = polygons.iter().map(|polygon| polygon.normal).collect();
@@ -376,16 +405,24 @@ struct Polygon {
     /// Of the whole face, mm², if that is known.
     area: f64,
     angle: f64,
+    is_divided: bool,
 }
 
 impl Polygon {
-    fn of(facets: &[&Facet]) -> Vec<Self> {
+    /// The facets, those in one plane together if they can be divided ones of one polygon.
+    fn of(facets: &[&Facet], is_divided: impl Fn(&Facet) -> bool) -> Vec<Self> {
         let mut polygons: Vec<Self> = Vec::new();
         for facet in facets {
-            match polygons.iter_mut().find(|polygon| is_within(polygon.normal, facet.normal, COPLANAR)) {
-                Some(polygon) => polygon.angle += facet.angle,
+            let (normal, angle) = (facet.normal, facet.angle);
+            let is_divided = is_divided(facet);
+            let same = polygons.iter_mut().find(|polygon| {
+                is_divided && polygon.is_divided && is_within(polygon.normal, normal, COPLANAR)
+            });
+            match same {
+                Some(polygon) => polygon.angle += angle,
                 None => {
-                    polygons.push(Self { normal: facet.normal, area: facet.plane_area, angle: facet.angle });
+                    let area = if is_divided { facet.plane_area } else { facet.area };
+                    polygons.push(Self { normal, area, angle, is_divided });
                 }
             }
         }
@@ -399,7 +436,7 @@ struct Places {
 }
 
 impl Places {
-    fn sampled(mesh: &TriMesh, plane_areas: Option<&[f64]>) -> Self {
+    fn sampled(mesh: &TriMesh, planes: Option<&[PlaneOf]>) -> Self {
         let welded = weld(mesh.positions());
         let stride = welded.len().div_ceil(SAMPLE).max(1);
         let mut of_place = vec![NONE; welded.len()];
@@ -432,7 +469,8 @@ impl Places {
                     normal,
                     angle: first.angle(&second),
                     area,
-                    plane_area: plane_areas.map_or(area, |areas| areas[triangle]),
+                    plane_area: planes.map_or(area, |planes| planes[triangle].area),
+                    is_of_polygon: planes.is_none_or(|planes| planes[triangle].is_polygon),
                     reach: first.norm().max(second.norm()),
                 });
             }

@@ -19,7 +19,7 @@ pub struct Winding {
 /// whose triangles disagree gets its outside outside; of an open one the smaller area is reversed.
 ///
 /// Where triangles have normals, each runs as its own normals ask for, and nothing is counted. A one-sided mesh keeps a seam
-/// across which its triangles disagree.
+/// across which its triangles disagree. A triangle that is in the mesh once more is no neighbour of its copy: both are reversed, or none.
 pub fn made_alike(mesh: TriMesh) -> (TriMesh, Winding) {
     if !mesh.normals().is_empty() {
         let is_against = |&corners: &[u32; 3]| runs_against_normals(&mesh, corners);
@@ -33,7 +33,10 @@ pub fn made_alike(mesh: TriMesh) -> (TriMesh, Winding) {
     if (0..sides.opposite.len()).all(|side| sides.agrees(side)) {
         return (mesh, Winding::default());
     }
-    let (is_reversed, contradiction) = reversals(&mesh, &sides);
+    let copies = copies(&sides.places);
+    let sides = if copies.is_empty() { sides } else { sides.without(&copies) };
+    let (mut is_reversed, contradiction) = reversals(&mesh, &sides);
+    copies.iter().for_each(|&[first, copy]| is_reversed[copy] = is_reversed[first]);
     let reversed = is_reversed.iter().filter(|reversed| **reversed).count();
     (mesh.with_reversed(&is_reversed), Winding { reversed, contradiction })
 }
@@ -43,6 +46,20 @@ fn runs_against_normals(mesh: &TriMesh, corners: [u32; 3]) -> bool {
     corners.iter().all(|&vertex| mesh.normals()[vertex as usize].dot(&across) < 0.0)
 }
 
+/// The triangles between places that are in a mesh once more, each after the first one with the same corners.
+fn copies(places: &[[u32; 3]]) -> Vec<[usize; 2]> {
+    let sorted = |triangle: usize| {
+        let mut corners = places[triangle];
+        corners.sort_unstable();
+        corners
+    };
+    let mut all: Vec<([u32; 3], usize)> =
+        (0..places.len()).map(|triangle| (sorted(triangle), triangle)).collect();
+    all.sort_unstable();
+    let runs = all.chunk_by(|one, other| one.0 == other.0);
+    runs.flat_map(|same| same[1..].iter().map(|copy| [same[0].1, copy.1])).collect()
+}
+
 /// Sides of triangles between places.
 struct Sides {
     places: Vec<[u32; 3]>,
@@ -50,6 +67,13 @@ struct Sides {
 }
 
 impl Sides {
+    /// The sides that are left when copies have none.
+    fn without(mut self, copies: &[[usize; 2]]) -> Self {
+        // A triangle whose corners are at one place has no sides.
+        copies.iter().for_each(|&[_, copy]| self.places[copy] = [self.places[copy][0]; 3]);
+        Self { opposite: opposite_sides(&self.places), places: self.places }
+    }
+
     /// Whether a side's triangle and the one beyond it run alike, or nothing is beyond.
     fn agrees(&self, side: usize) -> bool {
         let start = |side: usize| self.places[side / 3][side % 3];

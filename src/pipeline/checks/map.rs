@@ -1,6 +1,6 @@
 //! Why there is no map, and what the map leaves.
 
-use super::off_surface;
+use super::{off_surface, unsolved};
 use crate::formats::mesh::{NormalsUsed, PartFacts};
 use crate::geometry::distances::Distances;
 use crate::geometry::mapping::MapError;
@@ -10,7 +10,7 @@ use crate::geometry::mapping::floater::FloaterError;
 use crate::geometry::mapping::isometric::{Instead, IsometricError};
 use crate::geometry::mapping::mapping_domain::MappingDomainError;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
-use crate::pipeline::causes::Cause;
+use crate::pipeline::causes::{Cause, KINK_OF_NOISE, NOISE_REACH};
 use crate::pipeline::landmarks::Lift;
 use crate::pipeline::{
     Aim, CachedSurface, CorrectionSettings, Distortion, Ink, JobSettings, LengthTrueMap, Method, Sku,
@@ -77,6 +77,13 @@ pub(in crate::pipeline) fn map_reason(
                 "Make the drawing smaller, or place it where the part is less strongly curved.",
             )
             .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() });
+        }
+        MapError::Isometric(IsometricError::Solve(error)) => {
+            let remedy = "Place the drawing where the part is smoother and less steep, make it smaller, or export the part again \
+                          with a smaller deviation.";
+            let (why, remedy) = unsolved(error, remedy);
+            let what = format!("No length-true map was found on the part under the drawing: {why}.");
+            Reason::new("map-not-found", what, remedy)
         }
         MapError::Cylinder(error) => {
             let remedy = match error {
@@ -192,18 +199,20 @@ pub(in crate::pipeline) fn uncertain(
 ) -> Result<(), Reason> {
     let uncertain = &after.uncertain;
     let limit = UNKNOWN_SHARE * after.length;
+    let of_mesh = cause_of_uncertainty(facts, uncertain.max_slope);
     if uncertain.length_error > limit {
         let remedy = match &facts.scan {
             Some(_) => {
                 "Scan with less noise, more points and without outliers, or use a model of the part from CAD."
             }
-            None => finer_facets(facts),
+            None => of_mesh.map_or_else(|| finer_facets(facts), Cause::remedy),
         };
+        let because = of_mesh.map_or(String::new(), |cause| format!(", because {}", cause.clause()));
         return Err(Reason::new(
             "surface-unknown",
             format!(
                 "The shape of the part under the drawing is not known: its slope may be wrong by {:.1} degrees, and with it the \
-                 lengths of the mark.",
+                 lengths of the mark{because}.",
                 uncertain.max_slope.to_degrees()
             ),
             remedy,
@@ -217,11 +226,15 @@ pub(in crate::pipeline) fn uncertain(
     {
         let (cause, remedy) = match &facts.scan {
             // Smoothing leaves less of the noise than there is.
-            Some(scan) if scan.surfaces.iter().all(|surface| uncertain.max_height > surface.noise_mm) => {
-                ("the points of the scan are sparse where the part bends", "Scan with more points.")
-            }
-            Some(_) => ("the points of the scan scatter", "Scan with less noise or more points."),
-            None => ("the part's facets are coarse", finer_facets(facts)),
+            Some(scan) if scan.surfaces.iter().all(|surface| uncertain.max_height > surface.noise_mm) => (
+                "the points of the scan are sparse where the part bends".to_owned(),
+                "Scan with more points.",
+            ),
+            Some(_) => ("the points of the scan scatter".to_owned(), "Scan with less noise or more points."),
+            None => of_mesh.map_or_else(
+                || ("the part's facets are coarse".to_owned(), finer_facets(facts)),
+                |cause| (cause.clause(), cause.remedy()),
+            ),
         };
         notices.push(Notice::warning(
             "facets-coarse",
@@ -236,6 +249,18 @@ pub(in crate::pipeline) fn uncertain(
         ));
     }
     Ok(())
+}
+
+/// What makes the slope of a mesh uncertain by `slope`, rad, other than the size of its facets.
+fn cause_of_uncertainty(facts: &PartFacts, slope: f64) -> Option<Cause> {
+    if let Some(lean) = facts.normals_lean_deg.filter(|lean| slope <= NOISE_REACH * lean.to_radians()) {
+        return Some(Cause::Normals(lean));
+    }
+    let seen = facts.noise.or(facts.scatter).filter(|_| facts.normals_used != Some(NormalsUsed::Smoothed))?;
+    // So far facets of such vertices lean from one another.
+    let leans = NOISE_REACH * KINK_OF_NOISE * seen.noise_mm / seen.spacing_mm;
+    let cause = if facts.noise.is_some() { Cause::Noise } else { Cause::Scatter };
+    (slope.tan() <= leans).then_some(cause(seen.noise_mm))
 }
 
 /// The notices of the part's file that matter for a drawing: doubts about its facets only where the drawing is on them.
