@@ -34,7 +34,7 @@ const MIN_SHARE_OF_BEND: f64 = 0.2;
 const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
 /// The same share where the estimate stands at right angles to a side, to within this sine, that the file's normal would make
 /// bulge by more than this, mm: such estimates are better.
-const MIN_SHARE_BESIDE_SIDE: f64 = 0.05;
+const MIN_SHARE_BESIDE_SIDE: f64 = 0.005;
 const RIGHT_ANGLE: f64 = 1e-3;
 const NOTABLE_BULGE: f64 = 0.02;
 /// A vertex votes for one of two directions when the file's normal is within this share of their angle from it.
@@ -190,7 +190,7 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
         let least = if there.is_normal_of_a_face(estimated) {
             MIN_ANGLE_TO_FACE
         } else if there.holds_a_side(mesh, estimated) {
-            SAME.max(there.bend * MIN_SHARE_BESIDE_SIDE)
+            MIN_ANGLE_TO_FACE.max(there.bend * MIN_SHARE_BESIDE_SIDE)
         } else {
             SAME.max(there.bend * MIN_SHARE_OF_BEND)
         };
@@ -273,7 +273,7 @@ fn bulges_alone(mesh: &TriMesh, there: &Averages) -> bool {
 }
 
 /// Number of ways in which modelling programs weight the facets round a vertex.
-const WEIGHTINGS: usize = 9;
+const WEIGHTINGS: usize = 10;
 
 /// The triangles within three vertices of the given ones, on which their estimates depend: as a mesh, and their
 /// indices in ascending order.
@@ -370,6 +370,7 @@ impl Averages {
                 sum(&|facet| facet.angle),
                 sum(&|facet| facet.area),
                 sum(&|_| 1.0),
+                sum(&|facet| facet.area * facet.angle),
                 over(&polygons, &|_| 1.0),
                 over(&polygons, &|polygon| polygon.area),
                 over(&polygons, &|polygon| polygon.area * polygon.angle),
