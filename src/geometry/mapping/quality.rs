@@ -1,6 +1,7 @@
 //! Measures how well lengths, areas and angles are kept on the part: the quality results of every report.
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
+use std::f64::consts::PI;
 
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::{Block, Ink, Piece, is_before};
@@ -572,8 +573,9 @@ impl Distortion {
     /// Includes the angle error where unit steps of the drawing become two vectors on the part, with a doubt about
     /// the part.
     fn include_angle(&mut self, [across, up]: [&Vector3<f64>; 2], doubt: Uncertainty) {
-        let uncertain = PEAK_OF_ANGLE * share(tilt(across, up), doubt);
-        self.max_angle_error = self.max_angle_error.max(angle_error(across, up) + uncertain);
+        // No angle changes by more than half a turn, whatever the slope.
+        let uncertain = (PEAK_OF_ANGLE * share(tilt(across, up), doubt)).min(PI);
+        self.max_angle_error = self.max_angle_error.max((angle_error(across, up) + uncertain).min(PI));
         self.uncertain.max_angle_error = self.uncertain.max_angle_error.max(uncertain);
         self.uncertain.max_slope = self.uncertain.max_slope.max(f64::from(doubt.slope));
         self.uncertain.max_height = self.uncertain.max_height.max(f64::from(doubt.height));
