@@ -1,7 +1,8 @@
 //! Measures how well lengths, areas and angles are kept on the part: the quality results of every report.
 
-use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use std::f64::consts::PI;
+
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::{Block, Ink, Piece, is_before};
@@ -700,6 +701,15 @@ mod tests {
         ] {
             assert!(stretch >= truth && stretch < 1.01 * truth, "{stretch} for {truth}");
         }
+    }
+
+    #[test]
+    fn no_angle_changes_by_more_than_half_a_turn() {
+        let ink = Ink::sample(&Pattern::outline(3.0), |_| true, PIECE, SQUARE);
+        let doubt = |_: ViewPoint| Uncertainty { slope: 2.0, ..Uncertainty::NONE };
+        let steep = |at: ViewPoint| Some(3.0 * at.x);
+        let reported = measure_at_most(&ink, |at| ViewPoint::from(at.coords()), steep, doubt).unwrap();
+        assert_eq!([reported.max_angle_error, reported.uncertain.max_angle_error], [PI; 2]);
     }
 
     #[test]
