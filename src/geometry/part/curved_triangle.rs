@@ -123,15 +123,14 @@ impl CurvedTriangle {
             }
         };
         let handles = [edge(0, 1), edge(1, 0), edge(1, 2), edge(2, 1), edge(2, 0), edge(0, 2)];
-        let geodesic = |side: usize| {
-            edges[side].map(|_| {
-                let next = (side + 1) % 3;
-                let [ends, turned] = [[corners[side], corners[next]], [corners[next], corners[side]]];
-                handle(ends, [normals[side], normals[next]]) + handle(turned, [normals[next], normals[side]])
-            })
-        };
         let beside = [0, 1, 2].map(|side| {
-            geodesic(side).map_or(Vector3::zeros(), |known| handles[2 * side] + handles[2 * side + 1] - known)
+            if edges[side].is_none() {
+                return Vector3::zeros();
+            }
+            let next = (side + 1) % 3;
+            let geodesic =
+                |from: usize, to: usize| handle([corners[from], corners[to]], [normals[from], normals[to]]);
+            handles[2 * side] + handles[2 * side + 1] - geodesic(side, next) - geodesic(next, side)
         });
         let middle = handles.iter().sum::<Vector3<f64>>() / 4.0 + middle_of_turns(corners, normals, beside);
         let bulge = [handles[0], handles[1], handles[2], handles[3], handles[4], handles[5], middle];
@@ -372,7 +371,7 @@ fn middle_of_turns(
     let longer = turns.map(|turn| 1.0 + turn.norm_squared() / 24.0);
     let sides = [0, 1, 2].map(|side| (corners[(side + 1) % 3] - corners[side]) * longer[side]);
     let turns = [0, 1, 2].map(|side| turns[side] * longer[side]);
-    // From a corner along its median, and the turn of the normal there: thrice from the middle to the corner.
+    // Three times the step from the middle to a corner, and the turn of the normal along it.
     let median = |of: [Vector3<f64>; 3], side: usize| of[(side + 1) % 3] - of[(side + 2) % 3];
     let medians = [0, 1, 2].map(|side| (median(sides, side), median(turns, side)));
     let (mut tangential, mut along_normal) = (Vector3::zeros(), 0.0);

@@ -125,16 +125,22 @@ pub(super) fn settle(
     if found.is_empty() {
         return;
     }
+    let mut is_known = vec![false; mesh.positions.len()];
+    for (corners, _) in mesh.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round) {
+        corners.iter().for_each(|&vertex| is_known[vertex as usize] = true);
+    }
+    // Normals of the file that are nearly right are replaced as estimated ones are, and what keeps them is the file's again after that.
+    let mut replaced = Vec::new();
     for (sphere, triangles, _, way) in &found {
         for vertex in triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
             let vertex = vertex as usize;
             let outward = sphere.outward(&mesh.positions[vertex]) * *way;
-            estimated[vertex] |= mesh.normals[vertex].dot(&outward) > MOST_OFF.cos();
+            let is_near = mesh.normals[vertex].dot(&outward) > MOST_OFF.cos();
+            if !estimated[vertex] && !is_known[vertex] && is_near {
+                estimated[vertex] = true;
+                replaced.push(vertex);
+            }
         }
-    }
-    let mut is_known = vec![false; mesh.positions.len()];
-    for (corners, _) in mesh.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round) {
-        corners.iter().for_each(|&vertex| is_known[vertex as usize] = true);
     }
     let mut settling = Settling::of(mesh, estimated, deviations);
     for (sphere, triangles, at_edges, way) in &found {
@@ -144,6 +150,7 @@ pub(super) fn settle(
         };
         settling.set(triangles, at_edges, normal);
     }
+    replaced.into_iter().for_each(|vertex| estimated[vertex] = false);
     let of_balls = found.iter().flat_map(|(_, triangles, ..)| triangles);
     for vertex in of_balls.flat_map(|&triangle| mesh.triangles[triangle]) {
         let vertex = vertex as usize;
@@ -387,8 +394,8 @@ mod tests {
         TriMesh::new(positions, Vec::new(), triangles).unwrap()
     }
 
-    #[test]
-    fn averages_over_the_facets_of_a_ball_give_way_to_its_normals() {
+    /// A cap of a ball of 80 mm whose normals are averages of its facets, weighted by their areas.
+    fn shaded_ball() -> TriMesh {
         let mesh = mesh_over_grid(|x, y| (80.0f64 * 80.0 - x * x - y * y).sqrt());
         let mut averages = vec![Vector3::zeros(); mesh.positions().len()];
         for &triangle in mesh.triangles() {
@@ -396,16 +403,51 @@ mod tests {
             triangle.iter().for_each(|&vertex| averages[vertex as usize] += (b - a).cross(&(c - a)));
         }
         averages.iter_mut().for_each(|average| *average = average.normalize());
+        TriMesh::new(mesh.positions().to_vec(), averages, mesh.triangles().to_vec()).unwrap()
+    }
+
+    #[test]
+    fn averages_over_the_facets_of_a_ball_give_way_to_its_normals() {
+        let mesh = shaded_ball();
         let off = |at: &Point3<f64>, normal: &Vector3<f64>| (normal - at.coords / 80.0).norm();
         let is_inside = |at: &Point3<f64>| at.x.abs().max(at.y.abs()) < 16.0;
-        let lean =
-            mesh.positions().iter().zip(&averages).filter(|(at, _)| is_inside(at)).map(|(at, n)| off(at, n));
+        let lean = mesh
+            .positions()
+            .iter()
+            .zip(mesh.normals())
+            .filter(|(at, _)| is_inside(at))
+            .map(|(at, n)| off(at, n));
         assert!(lean.fold(0.0, f64::max) > 5e-3);
-        let shaded = TriMesh::new(mesh.positions().to_vec(), averages, mesh.triangles().to_vec()).unwrap();
-        let cap = SmoothMesh::new(&shaded, &View::top());
+        let cap = SmoothMesh::new(&mesh, &View::top());
         for (at, normal) in cap.positions.iter().zip(&cap.normals).filter(|(at, _)| is_inside(at)) {
             assert!(off(at, normal) < 1e-5, "{at}: {normal:?}");
         }
+    }
+
+    #[test]
+    fn no_normal_that_is_known_beside_a_ball_is_taken_for_an_estimate() {
+        let mesh = shaded_ball();
+        let mut cap = SmoothMesh {
+            positions: mesh.positions().to_vec(),
+            normals: mesh.normals().to_vec(),
+            triangles: mesh.triangles().to_vec(),
+            ..SmoothMesh::new(&mesh, &View::top())
+        };
+        // One half belongs to a cylinder, say.
+        let is_round: Vec<bool> = mesh
+            .triangles()
+            .iter()
+            .map(|&corners| mesh.corners(corners).iter().all(|at| at.x < 0.0))
+            .collect();
+        let mut estimated = vec![false; cap.positions.len()];
+        settle(&mut cap, &mut estimated, &mut Vec::new(), &is_round, &crate::geometry::fork::InTurn);
+        assert!(!estimated.contains(&true));
+        for (corners, _) in mesh.triangles().iter().zip(&is_round).filter(|(_, is_round)| **is_round) {
+            for vertex in corners.map(|vertex| vertex as usize) {
+                assert_eq!(cap.normals[vertex], mesh.normals()[vertex]);
+            }
+        }
+        assert_ne!(cap.normals, mesh.normals());
     }
 
     #[test]
