@@ -282,13 +282,17 @@ impl Pipeline {
         let part = &learned.kept;
         let mut notices = learned.notices.clone();
         let settings = &Self::framed(settings, sku, part, &mut notices);
-        let surface = &part.surface;
         self.check_pace(input.previous.map_or(0, <[u8]>::len), QUICK_BYTES)?;
         let steps = self.observer.steps(input.name);
         let placed_pattern = self.place(input, part, settings, &steps, &mut clock)?;
 
         steps.at(Step::Map);
-        let rolled = Self::rolled(placed_pattern, learned, settings, input.name)?;
+        let whole = learned;
+        let near = whole.near(&placed_pattern, settings);
+        let learned = near.as_ref().unwrap_or(whole);
+        let part = &learned.kept;
+        let surface = &part.surface;
+        let rolled = Self::rolled(placed_pattern, learned, whole, settings, input.name)?;
         let (placed_pattern, map, tiles) = (rolled.pattern, rolled.map, rolled.tiles);
         let settings = &rolled.settings;
         let (facts, placing) = (placed_pattern.facts, placed_pattern.placing);
@@ -308,7 +312,7 @@ impl Pipeline {
         }
         let (ink, map, projection) = (&mapped.ink, &mapped.map, mapped.projection(surface));
         let rejected = |reason: Reason| {
-            let reason = checks::suggesting_place(reason, &placed, part, settings);
+            let reason = checks::suggesting_place(reason, &placed, &whole.kept, settings);
             checks::doubting_unit(reason, &facts).in_file(input.name)
         };
         if let Some(tiles) = &tiles {
@@ -364,8 +368,9 @@ impl Pipeline {
         clock.lap("focus");
 
         steps.at(Step::Measure);
-        let (mut after, mut before) =
-            mapped.results(surface).map_err(|at| rejected(checks::off_surface(at, part, &ink.extents)))?;
+        let (mut after, mut before) = mapped
+            .results(surface)
+            .map_err(|at| rejected(checks::off_surface(at, &whole.kept, &ink.extents)))?;
         after.shorten(shortened);
         before.iter_mut().for_each(|before| before.shorten(shortened_as_drawn.iter().copied()));
         clock.lap("measure");
@@ -416,7 +421,7 @@ impl Pipeline {
             let distortions = (before.as_ref(), &after);
             let limit = settings.correction.tolerance;
             let shown = preview::Shown {
-                part_outline: learned.recent.outline(limit, || preview::relief(surface, limit)),
+                part_outline: learned.recent.outline(limit, || preview::relief(&whole.kept.surface, limit)),
                 residual_under_ink: exposure.max_difference,
                 anchor: placing.place,
                 part_size: seen_size(&part.facts, &settings.part),
@@ -465,7 +470,7 @@ impl Pipeline {
             part: PartReport::new(
                 learned.kept.origin.clone(),
                 learned.kept.facts.clone(),
-                surface,
+                &whole.kept.surface,
                 learned.key.as_str(),
                 learned.from_cache,
                 exposure,
@@ -511,6 +516,7 @@ impl Pipeline {
                 None => placed.with_layers(is_ink),
             },
             map: map.clone(),
+            surface: near.as_ref().map(|near| Arc::new(near.kept.surface.clone())),
             drawn,
         });
         let steps = stepped.map_or_else(Vec::new, |stepped| stepped.steps);

@@ -6,7 +6,7 @@ use super::mapped_ink::{measured, without_open_areas};
 use super::placing::PlacedPattern;
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
 use super::{checks, chords, fill, hash, method, program, weights};
-use crate::cache::PartOrigin;
+use crate::cache::{CachedSurface, PartOrigin};
 use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::cores::Cores;
 use crate::geometry::correction::Projection;
@@ -116,6 +116,8 @@ impl Pipeline {
         let settings = &Self::framed(settings, sku, &learned.kept, &mut Vec::new());
         let steps = self.observer.steps(input.name);
         let placed = self.place(input, &learned.kept, settings, &steps, &mut clock)?;
+        let near = learned.near(&placed, settings);
+        let near = near.as_ref().unwrap_or(learned);
         let compared: Vec<_> =
             methods.iter().flat_map(|method| variants(*method, &settings.correction)).collect();
         let (of, mut rows) = (compared.len(), Vec::new());
@@ -123,7 +125,7 @@ impl Pipeline {
             let settings = JobSettings { correction, ..settings.clone() };
             let name = label(&settings, &variant);
             steps.at(Step::Method { number: index + 1, of, name: &name });
-            rows.push(row(learned, &placed, variant, only, &settings, &mut clock));
+            rows.push(row(near, &learned.kept, &placed, variant, only, &settings, &mut clock));
         }
         let mut timings = learned.timings.clone();
         timings.append(&mut clock.laps);
@@ -223,6 +225,7 @@ fn label(settings: &JobSettings, variant: &str) -> String {
 
 fn row(
     learned: &LearnedPart,
+    whole: &CachedSurface,
     placed: &PlacedPattern,
     variant: String,
     only: Option<IsometricOptions>,
@@ -249,14 +252,14 @@ fn row(
         reason: None,
         note: None,
     };
-    let results = map.map_err(|error| placed.map_reason(&error, &learned.kept, settings)).and_then(|map| {
+    let results = map.map_err(|error| placed.map_reason(&error, whole, settings)).and_then(|map| {
         let projection =
             Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
         let measure = |ink: &Ink| measured(ink, &map, &|at| map.point(at), surface);
         let lines = || without_open_areas(ink, &fill::marked_ink(pattern, settings), &projection, settings);
         let mut distortion = measure(ink)
             .or_else(|at| lines().map_or(Err(at), |(lines, _)| measure(&lines)))
-            .map_err(|at| checks::off_surface(at, &learned.kept, &ink.extents))?;
+            .map_err(|at| checks::off_surface(at, whole, &ink.extents))?;
         let shortened = match map {
             LengthTrueMap::Plain => chords::as_drawn(&projection, pattern, settings),
             _ => chords::bend(&projection, pattern, settings)

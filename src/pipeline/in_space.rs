@@ -33,7 +33,7 @@ impl Pipeline {
         let marked = corrected.marked.as_ref()?;
         let projection = Projection {
             map: &marked.map,
-            surface: &learned.kept.surface,
+            surface: marked.surface(learned),
             fixture: settings.fixture,
             head: settings.scan_head(),
         };

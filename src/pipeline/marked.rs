@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use nalgebra::Point3;
 
+use super::LearnedPart;
 use crate::config::Sku;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::space::{Extents, FlatPoint};
+use crate::geometry::surface::fit::FittedSurface;
 use crate::preview::PartSource;
 
 /// A placed drawing and its map. The picture on the part is made from it, after the drawing was delivered.
@@ -21,6 +23,8 @@ pub struct Marked {
     /// The lines of its fill that pictures show.
     pub(super) fill: Pattern,
     pub(super) map: LengthTrueMap,
+    /// The surface round the drawing, if it has smaller spans there than that of the whole part.
+    pub(super) surface: Option<Arc<FittedSurface>>,
     /// For each path of the corrected drawing, the points of the placed drawing that its points mark.
     pub(super) drawn: Vec<Vec<FlatPoint>>,
     /// Whether the mark goes round the part, which turns; then the ink is the drawing before it was divided.
@@ -34,10 +38,28 @@ pub struct Marked {
 impl Marked {
     /// Whether another drawing makes the same mark, under any file name.
     pub(super) fn is_same_mark(&self, other: &Self) -> bool {
-        let Self { sku, drawing: _, ink, fill, map, drawn, is_round, length, drawn_range, mark_range } = self;
+        let Self {
+            sku,
+            drawing: _,
+            ink,
+            fill,
+            map,
+            // It follows from the part and the drawing.
+            surface: _,
+            drawn,
+            is_round,
+            length,
+            drawn_range,
+            mark_range,
+        } = self;
         (sku, is_round, length, drawn_range, mark_range)
             == (&other.sku, &other.is_round, &other.length, &other.drawn_range, &other.mark_range)
             && (ink, fill, map, drawn) == (&other.ink, &other.fill, &other.map, &other.drawn)
+    }
+
+    /// The surface under the mark, of the part that it was corrected for.
+    pub(super) fn surface<'a>(&'a self, learned: &'a LearnedPart) -> &'a FittedSurface {
+        self.surface.as_deref().unwrap_or(&learned.kept.surface)
     }
 
     /// The rectangle of the view with all corners of the drawing, as drawn and as mapped.

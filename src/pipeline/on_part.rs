@@ -41,7 +41,7 @@ impl Pipeline {
     }
 
     fn drawn_on_part(&self, learned: &LearnedPart, marked: &Marked) -> OnPart {
-        let surface = &learned.kept.surface;
+        let surface = marked.surface(learned);
         let view = view_of(&learned.settings);
         let area = marked.area().grown(MARGIN).outwards_to(AREA_STEP);
         let part = learned.recent.part(&area, || self.drawn_part(learned, &marked.sku, &view, &area));

@@ -8,14 +8,14 @@ use super::{
     method,
 };
 use crate::cache::CachedSurface;
-use crate::config::{Align, Anchor, JobSettings, Sku, ViewSource};
+use crate::config::{Align, Anchor, JobSettings, Sku, Tiles, ViewSource};
 use crate::cores::Cores;
 use crate::formats::pattern::{self, PatternFacts, PatternOptions, PatternReadError, PatternReading};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::quality;
 use crate::geometry::mapping::{LengthTrueMap, MapError, is_on_part};
 use crate::geometry::pattern::{Affine, Pattern};
-use crate::geometry::space::FlatPoint;
+use crate::geometry::space::{Extents, FlatPoint};
 use crate::reason::{Notice, Reason};
 use crate::report::{FrameReport, FrameSource, PlacementReport, RoundReport};
 
@@ -45,7 +45,7 @@ impl Pipeline {
         settings
     }
 
-    /// The map of a placed drawing from the file `name`, which is turned along the axis of a cylinder or cone first if the
+    /// The map of a placed drawing from the file `name` on the part round it, of the `whole` part; the drawing is turned along the axis of a cylinder or cone first if the
     /// settings ask for that.
     ///
     /// # Errors
@@ -53,6 +53,7 @@ impl Pipeline {
     pub(super) fn mapped(
         pattern: PlacedPattern,
         learned: &LearnedPart,
+        whole: &LearnedPart,
         settings: &JobSettings,
         name: &str,
     ) -> Result<(PlacedPattern, LengthTrueMap), PipelineError> {
@@ -60,7 +61,7 @@ impl Pipeline {
         let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         let method = method(settings);
         let rejected = |reason: Reason, facts: &PatternFacts, placed: &Pattern| {
-            let reason = checks::suggesting_place(reason, placed, part, settings);
+            let reason = checks::suggesting_place(reason, placed, &whole.kept, settings);
             PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
         };
         let find = |pattern: &PlacedPattern| {
@@ -70,7 +71,7 @@ impl Pipeline {
                 LengthTrueMap::find_with_fork(&part.surface, &marked, is_ink, place, &method, &Cores)
             });
             found.map_err(|error| {
-                rejected(pattern.map_reason(&error, part, settings), &pattern.facts, &pattern.placed)
+                rejected(pattern.map_reason(&error, &whole.kept, settings), &pattern.facts, &pattern.placed)
             })
         };
         let map = find(&pattern)?;
@@ -80,7 +81,7 @@ impl Pipeline {
         let PlacedPattern { facts, mut placing, placed, .. } = pattern;
         placing.turn(turn);
         let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
-        checks::reach(&placed, is_ink, part).map_err(|reason| rejected(reason, &facts, &placed))?;
+        checks::reach(&placed, is_ink, &whole.kept).map_err(|reason| rejected(reason, &facts, &placed))?;
         let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
         let pattern = PlacedPattern { facts, placing, placed, ink };
         let map = find(&pattern)?;
@@ -141,6 +142,37 @@ impl Pipeline {
         self.check_pace(work, QUICK_WORK)?;
         clock.lap("place");
         Ok(PlacedPattern { facts, placing, placed, ink })
+    }
+}
+
+impl LearnedPart {
+    /// The part round a placed drawing, where its surface has smaller spans there ([`FittedSurface::round`]).
+    pub(super) fn near(&self, drawing: &PlacedPattern, settings: &JobSettings) -> Option<Self> {
+        if settings.rotary.tiles != Tiles::Off {
+            return None;
+        }
+        let mut extents = drawing.ink.extents;
+        extents.include(drawing.placing.place.coords());
+        if settings.placement.align == Align::Axis {
+            // The drawing may still be turned about its anchor.
+            let place = drawing.placing.place.coords();
+            let far = (extents.max - place).sup(&(place - extents.min)).norm();
+            extents = Extents { min: place, max: place }.grown(far);
+        }
+        let Self { kept, key, from_cache, settings, notices, timings, recent, mesh: _ } = self;
+        let CachedSurface { origin, facts, surface, mark } = kept;
+        let surface = surface.round(&extents)?;
+        let (origin, facts, mark) = (origin.clone(), facts.clone(), mark.clone());
+        Some(Self {
+            kept: CachedSurface { origin, facts, surface, mark },
+            key: key.clone(),
+            from_cache: *from_cache,
+            settings: settings.clone(),
+            mesh: None,
+            notices: notices.clone(),
+            timings: timings.clone(),
+            recent: recent.clone(),
+        })
     }
 }
 

@@ -83,19 +83,20 @@ pub struct TileFile {
 }
 
 impl Pipeline {
-    /// The map of a placed drawing from the file `name`; the drawing is divided into tiles if the settings ask for it.
+    /// The map of a placed drawing from the file `name` on the part round it, of the `whole` part; the drawing is divided into tiles if the settings ask for it.
     ///
     /// # Errors
     /// When there is no map, or the drawing cannot be marked in tiles.
     pub(super) fn rolled(
         pattern: PlacedPattern,
         learned: &LearnedPart,
+        whole: &LearnedPart,
         settings: &JobSettings,
         name: &str,
     ) -> Result<Rolled, PipelineError> {
         let part = &learned.kept;
         if settings.rotary.tiles == Tiles::Off {
-            let (pattern, map) = Self::mapped(pattern, learned, settings, name)?;
+            let (pattern, map) = Self::mapped(pattern, learned, whole, settings, name)?;
             return Ok(Rolled { pattern, map, settings: settings.clone(), tiles: None });
         }
         let facts = pattern.facts.clone();

@@ -135,6 +135,8 @@ pub struct PartSamples {
     pub uncertainties: Vec<Uncertainty>,
     /// For each node, the slope of the part; 0 beside the part.
     pub slopes: Vec<Slope>,
+    /// For each node, the number of the side of the part: no edge is on it. `None` beside the part.
+    pub(crate) sides: Vec<Option<u32>>,
 }
 
 /// The slope of the part at a node.
@@ -340,7 +342,8 @@ impl<'f> FacingPart<'f> {
         };
         let others = || (self.doubts(&hits), self.uncertainties(&hits), self.slopes(&hits));
         let ((field, is_at_edge), (doubts, uncertainties, slopes)) = join(self.fork, heights, others);
-        PartSamples { field, is_at_edge, doubts, uncertainties, slopes, skins }
+        let sides = hits.iter().map(|hit| hit.map(|(triangle, _)| self.side(triangle))).collect();
+        PartSamples { field, is_at_edge, doubts, uncertainties, slopes, sides, skins }
     }
 
     /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin.
@@ -509,14 +512,18 @@ impl<'f> FacingPart<'f> {
         }
     }
 
+    /// The number of the smooth side of the part on which a triangle is, or an exact face.
+    fn side(&self, triangle: u32) -> u32 {
+        self.mesh.regions.get(triangle as usize).copied().unwrap_or(triangle)
+    }
+
     /// Marks neighbouring nodes on two smooth sides of the part that do not continue each other.
     fn mark_edges(&self, field: &HeightField, hits: &[Option<(u32, Hit)>], is_at_edge: &mut [bool]) {
         for_each_side(&field.grid, |first, second, step| {
             let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
             let is_surface = |node: usize| matches!(field.nodes[node], Node::Surface(_));
-            let region = |index: u32| self.mesh.regions.get(index as usize).copied().unwrap_or(index);
-            let (one, other) = (region(one), region(other));
-            if one == other || !is_surface(first) || !is_surface(second) {
+            let (one, other) = (self.side(one), self.side(other));
+            if one == other || !(is_surface(first) || is_surface(second)) {
                 return;
             }
             let normal = |hit: &Hit| Vector3::new(-hit.gradient.x, -hit.gradient.y, 1.0).normalize();

@@ -1,7 +1,10 @@
 //! The fit of a NURBS surface to a height field, refined until it meets the requested tolerance.
 
+mod windows;
+
 use nalgebra::{Vector2, Vector3};
 
+pub use self::windows::Window;
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
 use crate::geometry::fork::{Fork, InTurn, found, join, start};
@@ -101,6 +104,7 @@ pub struct FittedSurface {
     uncertainties: Vec<Uncertainty>,
     /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
     known: Vec<RoundForm>,
+    windows: Vec<Window>,
 }
 
 /// The distance between fit and sampled part along the laser's axis, over the smooth surface.
@@ -148,6 +152,15 @@ pub enum FitError {
     /// The equations could not be solved.
     #[error(transparent)]
     Solve(#[from] SolveError),
+}
+
+/// By how much the slope of samples differs from that of the part at a node.
+struct Turn {
+    node: usize,
+    /// rad.
+    off: f64,
+    /// The squared slope of the part.
+    steep: f64,
 }
 
 /// Sums of values at the nodes of a grid over squares of it, from the sums over all rectangles at its corner (Crow, Summed-area
@@ -228,7 +241,7 @@ impl FittedSurface {
         if let Some(skins) = samples.skins.filter(|skins| skins.share >= SKINS) {
             return Err(FitError::TwoSkins(skins));
         }
-        let (mut nurbs, mut residual) = Data::solved(part, &samples, |data| data.fit())?;
+        let (mut nurbs, mut residual) = Data::solved(part, &samples, EDGE_REACH, |data| data.fit())?;
         let is_fine = |step: f64| part.spacing() <= RESOLVED * step;
         while (residual > options.tolerance || samples.bends_between(part.fork()) > options.tolerance)
             && spans < most_spans
@@ -240,8 +253,9 @@ impl FittedSurface {
             spans *= 2;
             samples = part.sample(&samples.field.grid().halved());
             let halved = nurbs.halved();
-            let (finer, left) =
-                Data::solved(part, &samples, |data| data.correct(halved.clone(), options.tolerance))?;
+            let (finer, left) = Data::solved(part, &samples, EDGE_REACH, |data| {
+                data.correct(halved.clone(), options.tolerance)
+            })?;
             nurbs = finer;
             let before = std::mem::replace(&mut residual, left);
             // Facets do not get smoother. Detail that is finer than the samples shows only after they resolve it.
@@ -249,18 +263,24 @@ impl FittedSurface {
                 break;
             }
         }
-        Ok(Self::compare(nurbs, samples.field)
+        let whole = Self::compare(nurbs, samples.field.clone());
+        let turns = whole.turns_between_samples(&samples.slopes, part.fork());
+        let missed = match part.is_facetted() {
+            true => Vec::new(),
+            false => whole.missed(&samples, &turns, options.tolerance),
+        };
+        Ok(whole
             .doubted(samples.doubts, samples.uncertainties)
-            .doubted_between_samples(&samples.slopes, &samples.is_at_edge, part.fork()))
+            .doubted_between_samples(turns, &samples.is_at_edge)
+            .in_windows(part, &missed, options.tolerance))
     }
 
-    /// The surface with a doubt about its slope where the samples round a jump of the slope or of the curvature, as beside a
-    /// fillet: there the slope between them differs from that of the part at the nodes.
-    fn doubted_between_samples(mut self, slopes: &[Slope], is_at_edge: &[bool], fork: &dyn Fork) -> Self {
+    /// By how much the slope of the samples differs from that of the part, at the nodes where both are known.
+    fn turns_between_samples(&self, slopes: &[Slope], fork: &dyn Fork) -> Vec<Turn> {
         let (columns, rows) = self.field.size();
         let step = self.field.step();
         let is_surface = |node: usize| matches!(self.field.nodes()[node], Node::Surface(_));
-        let off = |node: usize| {
+        let turn = |node: usize| {
             let (column, row) = (node % columns, node / columns);
             if !is_surface(node) || column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
                 return None;
@@ -276,19 +296,25 @@ impl FittedSurface {
             let between = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
             let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
             let off = (tangent(sampled, known.gradient) - known.off).max(0.0);
-            Some((node, off, known.gradient.norm_squared()))
+            Some(Turn { node, off, steep: known.gradient.norm_squared() })
         };
-        let slopes_off: Vec<(usize, f64, f64)> = found(fork, columns * rows, off);
-        let is_notable =
-            |&(_, off, steep): &(usize, f64, f64)| off > NEGLIGIBLE_SLOPE * (1.0 + steep).powi(3);
-        if !slopes_off.iter().any(is_notable) {
+        found(fork, columns * rows, turn)
+    }
+
+    /// The surface with a doubt about its slope where the samples round a jump of the slope or of the curvature, as beside a
+    /// fillet: there the slope between them differs from that of the part at the nodes.
+    fn doubted_between_samples(mut self, turns: Vec<Turn>, is_at_edge: &[bool]) -> Self {
+        let (columns, rows) = self.field.size();
+        let step = self.field.step();
+        let is_notable = |turn: &Turn| turn.off > NEGLIGIBLE_SLOPE * (1.0 + turn.steep).powi(3);
+        if !turns.iter().any(is_notable) {
             return self;
         }
         let values =
-            slopes_off.iter().map(|there| (there.0, [there.1 * there.1, f64::from(is_notable(there)), 1.0]));
+            turns.iter().map(|turn| (turn.node, [turn.off * turn.off, f64::from(is_notable(turn)), 1.0]));
         let sums = Sums::of(columns, rows, values);
         self.uncertainties.resize(columns * rows, Uncertainty::NONE);
-        for (node, off, _) in slopes_off.into_iter().filter(is_notable) {
+        for Turn { node, off, .. } in turns.into_iter().filter(is_notable) {
             // It is a largest value. At an edge of the part the slope jumps itself, so that no larger one is between the nodes.
             let times = if is_at_edge.get(node) == Some(&true) { 1.0 } else { BETWEEN_NODES };
             let of_jump = times * off / Uncertainty::PEAK;
@@ -339,7 +365,7 @@ impl FittedSurface {
         let rms = (squares / nodes.max(1) as f64).sqrt();
         let residual = Residual { max: largest, at, rms, p95: p95(sizes), nodes };
         let (doubts, uncertainties, known) = (Vec::new(), Vec::new(), Vec::new());
-        Self { nurbs, field, residual, differences, doubts, uncertainties, known }
+        Self { nurbs, field, residual, differences, doubts, uncertainties, known, windows: Vec::new() }
     }
 
     /// The surface with the doubts about each node of its field (see [`PartSamples::doubts`] and
@@ -484,18 +510,19 @@ impl PartSamples {
 }
 
 impl<'a> Data<'a> {
-    /// What `solve` finds of the nodes beside the edges of the part, and its residual at them, mm; where these do not determine a
+    /// What `solve` finds of the nodes that are not within `reach` steps of the edges of the part, and its residual at them, mm; where these do not determine a
     /// surface, of all nodes.
     fn solved(
         part: &'a FacingPart,
         samples: &'a PartSamples,
+        reach: usize,
         solve: impl Fn(&Self) -> Result<NurbsSurface, FitError>,
     ) -> Result<(NurbsSurface, f64), FitError> {
         let fork = part.fork();
         // Where every side of a facet is an edge, few or no nodes are left round a corner, and the surface would have a pit there.
         let data = match part.is_facetted() {
             true => Self::new(&samples.field, |_| true, fork)?,
-            false => Self::beside(&samples.field, &samples.is_at_edge, EDGE_REACH, fork)?,
+            false => Self::beside(&samples.field, &samples.is_at_edge, reach, fork)?,
         };
         let (data, nurbs) = match solve(&data) {
             Err(FitError::Solve(_)) if data.used.iter().any(|used| !used) => {

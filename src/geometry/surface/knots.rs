@@ -1,6 +1,6 @@
 //! Knot vectors and cubic B-spline basis functions.
 
-use std::ops::{Add, Div, Mul};
+use std::ops::{Add, Div, Mul, Range};
 
 /// Degree of all splines in the program.
 pub const DEGREE: usize = 3;
@@ -37,6 +37,16 @@ impl UniformKnots {
     /// The same interval with twice the spans.
     pub fn halved(&self) -> Self {
         Self { start: self.start, step: self.step / 2.0, spans: self.spans * 2 }
+    }
+
+    /// Some of the spans, counted from 0; `None` if it does not have them, or if there are none.
+    pub(super) fn cropped(&self, spans: &Range<usize>) -> Option<Self> {
+        let is_inside = !spans.is_empty() && spans.end <= self.spans;
+        is_inside.then(|| Self {
+            start: self.start + self.step * spans.start as f64,
+            step: self.step,
+            spans: spans.len(),
+        })
     }
 
     /// The control net, row by row, of the same surface or map with every span halved along both directions; `net` holds

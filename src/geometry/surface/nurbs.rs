@@ -1,8 +1,10 @@
 //! The fitted surface: a bicubic B-spline whose x and y are its parameters.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix2, Point3, Vector2};
 
-use super::knots::{Basis, UniformKnots};
+use super::knots::{Basis, DEGREE, UniformKnots};
 use crate::geometry::space::{Extents, ViewPoint};
 
 /// A tensor-product cubic NURBS surface with unit weights over the view, z = f(x, y), in mm.
@@ -43,6 +45,40 @@ impl NurbsSurface {
     pub fn halved(&self) -> Self {
         let heights = self.knots_x.halved_net(&self.heights);
         Self { knots_x: self.knots_x.halved(), knots_y: self.knots_y.halved(), heights }
+    }
+
+    /// The same surface over some of its spans only; `None` unless it has them.
+    pub(super) fn cropped(&self, spans: &[Range<usize>; 2]) -> Option<Self> {
+        let (x, y) = (self.knots_x.cropped(&spans[0])?, self.knots_y.cropped(&spans[1])?);
+        let columns = self.knots_x.control_points();
+        let rows = self.heights.chunks_exact(columns).skip(spans[1].start).take(y.control_points());
+        let heights = rows.flat_map(|row| &row[spans[0].start..][..x.control_points()]).copied();
+        Some(Self { knots_x: x, knots_y: y, heights: heights.collect() })
+    }
+
+    /// Takes the control heights of the spans `core` from another surface with spans of the same length. The spans of both are
+    /// counted from the same place: those of this one are `spans`, those of the other one begin with `first`.
+    pub(super) fn replace(
+        &mut self,
+        spans: &[Range<usize>; 2],
+        other: &Self,
+        first: [usize; 2],
+        core: &[Range<usize>; 2],
+    ) {
+        let points = |axis: usize| {
+            let (own, core) = (&spans[axis], &core[axis]);
+            own.start.max(core.start)..(own.end + DEGREE).min(core.end + DEGREE)
+        };
+        let (across, up) = (points(0), points(1));
+        if across.is_empty() {
+            return;
+        }
+        let [columns, others] = [self.knots_x, other.knots_x].map(|knots| knots.control_points());
+        for row in up {
+            let to = (row - spans[1].start) * columns + across.start - spans[0].start;
+            let from = (row - first[1]) * others + across.start - first[0];
+            self.heights[to..to + across.len()].copy_from_slice(&other.heights[from..from + across.len()]);
+        }
     }
 
     /// The surface with its control heights changed by `steps`, mm, row by row.

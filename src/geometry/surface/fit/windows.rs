@@ -1,0 +1,551 @@
+//! Windows: rectangles of a part in which its surface is fitted with smaller spans, because the spans of the whole part do
+//! not follow it there.
+//!
+//! A small boss or rod on a wide plate is lost among the nodes of the plate, and smaller spans all over the plate would be
+//! wasted. So the surface is a hierarchy (Forsey & Bartels, Hierarchical B-spline refinement, Computer Graphics 22(4), SIGGRAPH
+//! 1988): on each level the spans are half as long as on the one before, and only where that one misses the part.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+
+use nalgebra::Vector2;
+
+use super::{Data, FittedSurface, NODES_PER_SPAN, Turn, grown, heights_at_nodes};
+use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, PartSamples, Uncertainty};
+use crate::geometry::space::Extents;
+use crate::geometry::surface::nurbs::NurbsSurface;
+
+/// Levels at most: the smallest spans are 1/64 of those of the whole part.
+const MOST_LEVELS: usize = 6;
+
+/// Spans of a level along the sides of the squares that windows are made of.
+const SQUARE: usize = 4;
+
+/// A window is fitted with this many more spans on each side, so that what is beyond does not change it.
+const MARGIN: usize = 6;
+
+/// Nodes this close to one that is missed are in the window, too: the spline needs some spans to bend.
+const BESIDE: usize = 2;
+
+/// Nodes within this many steps of those at an edge of the part are excluded from the fit of a window: the sides of the edge have
+/// no control point in common then, so that a cliff does not make the spline swing beside it.
+const REACH: usize = 3;
+
+/// The windows of a part have at most this many nodes; it limits time and memory.
+const MOST_NODES: usize = 400_000;
+
+/// Windows of a level at most: each looks through all triangles of the part.
+const MOST_WINDOWS: usize = 64;
+
+/// The surface round a drawing has at most this many nodes.
+const MOST_NODES_ROUND: usize = 1_000_000;
+
+/// Spans that are shorter than this, mm, are to follow the part more closely in proportion: lengths depend on its slope.
+const SHORT: f64 = 1.0;
+
+/// Spans are not halved to less than this, mm: what shorter ones show is too small to be marked.
+const SHORTEST: f64 = 0.25;
+
+/// Sides of the part of which all nodes are beside edges are not looked at if the nodes of the whole part are closer than this, mm.
+const CLOSE: f64 = 0.5;
+
+/// The spans miss the part by far where they miss it by so many times what they may.
+const BY_FAR: f64 = 20.0;
+
+/// Where the spans miss more than this share of the part, its detail is not in a few places.
+const FEW: f64 = 0.2;
+
+/// Where the slope of the samples differs by more than this from that of the part, rad, on a side that is level, the spans miss
+/// it: lengths on a side that is tilted by 45 degrees are wrong by 0.1 %.
+const TURN: f64 = 2e-3;
+
+/// The squared slope from which on nobody marks: tilted by 60 degrees.
+const STEEP: f64 = 3.0;
+
+/// A side of the part with fewer nodes is not fitted for its own sake.
+const LEAST_SIDE: usize = 3;
+
+/// The rectangle round a drawing is larger by this share of its longer side, or by so many of the smallest spans.
+const ROUND_SHARE: f64 = 0.25;
+const ROUND_SPANS: f64 = 8.0;
+
+/// A rectangle of a part with smaller spans.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Window {
+    /// How often the spans of the whole part are halved, at least once.
+    pub level: usize,
+    /// The span of this level, counted from the lower left of the whole part, with which its knots begin.
+    pub first: [usize; 2],
+    /// The spans of this level in which it counts.
+    pub core: [Range<usize>; 2],
+    /// The surface there, with its samples.
+    pub surface: FittedSurface,
+}
+
+impl Window {
+    /// The rectangle in which it counts, mm.
+    fn rectangle(&self) -> Extents {
+        let (x, y) = self.surface.nurbs.knots();
+        let ends = |end: fn(&Range<usize>) -> usize| {
+            let along = |axis: usize, start: f64, step: f64| {
+                start + step * (end(&self.core[axis]) as f64 - self.first[axis] as f64)
+            };
+            Vector2::new(along(0, x.start(), x.step()), along(1, y.start(), y.step()))
+        };
+        Extents { min: ends(|range| range.start), max: ends(|range| range.end) }
+    }
+}
+
+/// A window as it was fitted.
+struct Fitted {
+    window: Window,
+    /// Whether it misses the part at each of its nodes.
+    missed: Vec<bool>,
+    /// Whether its spans are better than those twice as long.
+    helps: bool,
+}
+
+/// What is known at the nodes of a grid.
+struct Known {
+    columns: usize,
+    nodes: Vec<KnownNode>,
+}
+
+#[derive(Clone, Copy)]
+struct KnownNode {
+    node: Node,
+    difference: f64,
+    doubt: f64,
+    uncertainty: Uncertainty,
+}
+
+impl KnownNode {
+    fn of(surface: &FittedSurface, node: usize) -> Self {
+        Self {
+            node: surface.field.nodes()[node],
+            difference: surface.differences[node],
+            doubt: surface.doubts.get(node).copied().unwrap_or_default(),
+            uncertainty: surface.uncertainties.get(node).copied().unwrap_or(Uncertainty::NONE),
+        }
+    }
+
+    /// What is known in the middle of nodes: of surface where all are.
+    fn between(nodes: [Self; 4]) -> Self {
+        let height = |node: Node| match node {
+            Node::Empty => None,
+            Node::Wall(height) | Node::Surface(height) => Some(height),
+        };
+        let known = nodes.iter().filter_map(|known| height(known.node));
+        let (count, sum) = known.fold((0, 0.0), |(count, sum), height| (count + 1, sum + height));
+        let is_surface = nodes.iter().all(|known| matches!(known.node, Node::Surface(_)));
+        Self {
+            node: match count {
+                0 => Node::Empty,
+                4 if is_surface => Node::Surface(sum / 4.0),
+                _ => Node::Wall(sum / f64::from(count)),
+            },
+            difference: nodes.iter().map(|known| known.difference).sum::<f64>() / 4.0,
+            doubt: nodes.iter().map(|known| known.doubt).fold(0.0, f64::max),
+            uncertainty: nodes
+                .iter()
+                .map(|known| known.uncertainty)
+                .fold(Uncertainty::NONE, Uncertainty::largest),
+        }
+    }
+}
+
+impl Known {
+    /// Of the nodes in a rectangle of a surface whose first node is the `first` of the part.
+    fn of(surface: &FittedSurface, first: [usize; 2], nodes: &[Range<usize>; 2]) -> Self {
+        let [columns, rows] = nodes.clone();
+        let width = surface.field.size().0;
+        let at =
+            |column: usize, row: usize| KnownNode::of(surface, (row - first[1]) * width + column - first[0]);
+        let nodes = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
+        Self { columns: columns.len(), nodes: nodes.map(|(column, row)| at(column, row)).collect() }
+    }
+
+    /// With nodes in the middle of all neighbours.
+    fn halved(&self) -> Self {
+        let rows = self.nodes.len() / self.columns;
+        let columns = 2 * self.columns - 1;
+        let at = |column: usize, row: usize| {
+            let [left, right, low, high] = [column / 2, column.div_ceil(2), row / 2, row.div_ceil(2)];
+            let corners = [(left, low), (right, low), (left, high), (right, high)];
+            let corners = corners.map(|(column, row)| self.nodes[row * self.columns + column]);
+            if left == right && low == high { corners[0] } else { KnownNode::between(corners) }
+        };
+        let nodes = (0..2 * rows - 1).flat_map(|row| (0..columns).map(move |column| (column, row)));
+        Self { columns, nodes: nodes.map(|(column, row)| at(column, row)).collect() }
+    }
+}
+
+/// The common part of two ranges.
+fn common(one: &Range<usize>, other: &Range<usize>) -> Range<usize> {
+    one.start.max(other.start)..one.end.min(other.end)
+}
+
+/// The rectangle of spans of a level that covers `spans` of a `finer` one, that many halvings later.
+fn covering(spans: &[Range<usize>; 2], finer: usize) -> [Range<usize>; 2] {
+    spans.clone().map(|range| range.start >> finer..range.end.div_ceil(1 << finer))
+}
+
+impl FittedSurface {
+    /// The windows in which it has smaller spans.
+    pub fn windows(&self) -> &[Window] {
+        &self.windows
+    }
+
+    /// The surface with these windows; `None` unless each has the spans in which it counts, and the part has them, too.
+    pub fn with_windows(self, windows: Vec<Window>) -> Option<Self> {
+        let fits = |window: &Window| {
+            let (x, y) = window.surface.nurbs.knots();
+            let own = [x.spans(), y.spans()];
+            let nodes = own.map(|spans| NODES_PER_SPAN * spans + 1);
+            let all = self.spans(window.level.min(MOST_LEVELS));
+            let is_inside = |axis: usize| {
+                let Range { start, end } = window.core[axis];
+                let first = window.first[axis];
+                first <= start && start < end && end <= all[axis] && end - first <= own[axis]
+            };
+            (1..=MOST_LEVELS).contains(&window.level)
+                && (0..2).all(is_inside)
+                && window.surface.field.size() == (nodes[0], nodes[1])
+        };
+        windows.iter().all(fits).then_some(()).map(|()| Self { windows, ..self })
+    }
+
+    /// The length of a span on a level, mm.
+    fn span_of(&self, level: usize) -> f64 {
+        self.nurbs.knots().0.step() / (1u64 << level) as f64
+    }
+
+    /// Spans of the whole part along x and y on a level.
+    fn spans(&self, level: usize) -> [usize; 2] {
+        let (x, y) = self.nurbs.knots();
+        [x.spans() << level, y.spans() << level]
+    }
+
+    /// The surface over spans of a level, with all windows up to it.
+    fn over(&self, level: usize, spans: &[Range<usize>; 2]) -> Option<NurbsSurface> {
+        let mut covered = covering(spans, level);
+        let mut nurbs = self.nurbs.cropped(&covered)?;
+        for level in 1..=level {
+            covered = covered.map(|range| 2 * range.start..2 * range.end);
+            nurbs = nurbs.halved();
+            for window in self.windows.iter().filter(|window| window.level == level) {
+                nurbs.replace(&covered, &window.surface.nurbs, window.first, &window.core);
+            }
+        }
+        let inside = [0, 1].map(|axis| {
+            let first = covered[axis].start;
+            spans[axis].start - first..spans[axis].end - first
+        });
+        nurbs.cropped(&inside)
+    }
+
+    /// The surface fitted again with smaller spans where it misses the part, until it does not or smaller spans do not help.
+    pub(super) fn in_windows(mut self, part: &FacingPart, missed: &[bool], tolerance: f64) -> Self {
+        let few = FEW * self.field.surface_nodes().count() as f64;
+        if missed.iter().filter(|missed| **missed).count() as f64 > few {
+            return self;
+        }
+        let mut squares = BTreeSet::new();
+        let columns = self.field.size().0;
+        add_squares(&mut squares, missed, columns, [0, 0], &self.spans(1));
+        let mut left = MOST_NODES;
+        let mut doubtful = Vec::new();
+        for level in 1..=MOST_LEVELS {
+            if self.span_of(level) < SHORTEST {
+                break;
+            }
+            let all = self.spans(level);
+            let cores = rectangles(&std::mem::take(&mut squares), &all);
+            let nodes: usize = cores.iter().map(|core| nodes_in(&with_margin(core, &all))).sum();
+            if cores.is_empty() || cores.len() > MOST_WINDOWS || nodes > left {
+                break;
+            }
+            left -= nodes;
+            let found: Vec<Fitted> =
+                cores.into_iter().filter_map(|core| self.window(part, level, core, tolerance)).collect();
+            for Fitted { window, missed, helps } in found {
+                match (helps, level) {
+                    (true, _) => {}
+                    (false, 1) => doubtful.push(self.windows.len()),
+                    (false, _) => continue,
+                }
+                let columns = window.surface.field.size().0;
+                let first = window.first.map(|span| NODES_PER_SPAN * span);
+                add_squares(&mut squares, &missed, columns, first, &self.spans(level + 1));
+                self.windows.push(window);
+            }
+        }
+        // Detail that is finer than the samples shows only after they resolve it.
+        let holds = |outer: &Window, inner: &Window| {
+            let meets = |axis: usize| {
+                let (outer, inner) = (&outer.core[axis], &inner.core[axis]);
+                inner.start < 2 * outer.end && inner.end > 2 * outer.start
+            };
+            inner.level == outer.level + 1 && meets(0) && meets(1)
+        };
+        let vain: Vec<usize> = doubtful
+            .into_iter()
+            .filter(|window| !self.windows.iter().any(|inner| holds(&self.windows[*window], inner)))
+            .collect();
+        for window in vain.into_iter().rev() {
+            self.windows.remove(window);
+        }
+        self
+    }
+
+    /// Fits a window; `None` if nothing of the part can be fitted there.
+    fn window(
+        &self,
+        part: &FacingPart,
+        level: usize,
+        core: [Range<usize>; 2],
+        tolerance: f64,
+    ) -> Option<Fitted> {
+        let coarse = covering(&with_margin(&core, &self.spans(level)), 1);
+        let covered = coarse.clone().map(|range| 2 * range.start..2 * range.end);
+        let before = self.over(level - 1, &coarse)?.halved();
+        let (knots, _) = before.knots();
+        let step = knots.step() / NODES_PER_SPAN as f64;
+        let [columns, rows] = covered.clone().map(|range| NODES_PER_SPAN * range.len() + 1);
+        let grid = Grid { origin: before.domain().min, step, columns, rows };
+        let samples = part.sample(&grid);
+        let tolerance = tolerance * (knots.step() / SHORT).min(1.0);
+        let (nurbs, _) =
+            Data::solved(part, &samples, REACH, |data| data.correct(before.clone(), tolerance)).ok()?;
+        let in_core = |node: usize| {
+            let at = [node % columns, node / columns];
+            (0..2).all(|axis| {
+                let nodes = [core[axis].start, core[axis].end]
+                    .map(|end| NODES_PER_SPAN * (end - covered[axis].start));
+                (nodes[0]..=nodes[1]).contains(&at[axis])
+            })
+        };
+        let near = grown(&samples.is_at_edge, columns, REACH);
+        let of_before = heights_at_nodes(&before, &samples.field);
+        let PartSamples { field, is_at_edge, doubts, uncertainties, slopes, .. } = &samples;
+        let surface = Self::compare(nurbs, field.clone());
+        let turns = surface.turns_between_samples(slopes, part.fork());
+        let mut missed = surface.missed_by(1.0, &samples, &turns, tolerance);
+        missed.iter_mut().enumerate().for_each(|(node, missed)| *missed &= in_core(node));
+        let surface =
+            surface.doubted(doubts.clone(), uncertainties.clone()).doubted_between_samples(turns, is_at_edge);
+        let (mut squares_before, mut squares_after, mut count) = (0.0, 0.0, 0usize);
+        for (column, row, height) in field.surface_nodes() {
+            let node = row * columns + column;
+            if in_core(node) && !near[node] && slopes[node].gradient.norm_squared() <= STEEP {
+                squares_before += (height - of_before[node]).powi(2);
+                squares_after += surface.differences[node].powi(2);
+                count += 1;
+            }
+        }
+        if count == 0 {
+            return None;
+        }
+        let helps =
+            4.0 * squares_after <= squares_before || squares_after <= count as f64 * tolerance.powi(2) / 4.0;
+        let first = [covered[0].start, covered[1].start];
+        Some(Fitted { window: Window { level, first, core, surface }, missed, helps })
+    }
+
+    /// The surface round a drawing with these extents, with the smallest spans of the windows under it; `None` if no window is
+    /// under it.
+    pub fn round(&self, drawing: &Extents) -> Option<Self> {
+        let touches = |window: &&Window| {
+            let there = window.rectangle();
+            (0..2).all(|axis| there.min[axis] <= drawing.max[axis] && there.max[axis] >= drawing.min[axis])
+        };
+        let finest = self.windows.iter().filter(touches).map(|window| window.level).max()?;
+        let (knots_x, knots_y) = self.nurbs.knots();
+        (1..=finest).rev().find_map(|level| {
+            let smallest = knots_x.step() / f64::from(1u32 << level);
+            let round = drawing.grown((ROUND_SHARE * drawing.size().max()).max(ROUND_SPANS * smallest));
+            let along = |axis: usize, start: f64, step: f64, count: usize| {
+                let step = step / f64::from(1u32 << level);
+                // Casts saturate.
+                let first = (((round.min[axis] - start) / step).floor() as usize).min(count - 1);
+                first..(((round.max[axis] - start) / step).ceil() as usize).clamp(first + 1, count)
+            };
+            let [all_x, all_y] = self.spans(level);
+            let spans = [
+                along(0, knots_x.start(), knots_x.step(), all_x),
+                along(1, knots_y.start(), knots_y.step(), all_y),
+            ];
+            // Whole spans of the part, so that all levels begin and end with the same.
+            let spans = covering(&spans, level).map(|range| range.start << level..range.end << level);
+            (nodes_in(&spans) <= MOST_NODES_ROUND).then(|| self.assembled(level, &spans)).flatten()
+        })
+    }
+
+    fn assembled(&self, level: usize, spans: &[Range<usize>; 2]) -> Option<Self> {
+        let nurbs = self.over(level, spans)?;
+        let mut covered = covering(spans, level);
+        let nodes = |spans: &Range<usize>| NODES_PER_SPAN * spans.start..NODES_PER_SPAN * spans.end + 1;
+        let mut known = Known::of(self, [0, 0], &[nodes(&covered[0]), nodes(&covered[1])]);
+        for level in 1..=level {
+            covered = covered.map(|range| 2 * range.start..2 * range.end);
+            known = known.halved();
+            for window in self.windows.iter().filter(|window| window.level == level) {
+                let core = [0, 1].map(|axis| common(&window.core[axis], &covered[axis]));
+                if core.iter().any(Range::is_empty) {
+                    continue;
+                }
+                let core = [nodes(&core[0]), nodes(&core[1])];
+                let there = Known::of(&window.surface, window.first.map(|span| NODES_PER_SPAN * span), &core);
+                let [from, low] = [0, 1].map(|axis| core[axis].start - NODES_PER_SPAN * covered[axis].start);
+                for (row, line) in there.nodes.chunks_exact(there.columns).enumerate() {
+                    let start = (low + row) * known.columns + from;
+                    known.nodes[start..start + there.columns].copy_from_slice(line);
+                }
+            }
+        }
+        let rows = known.nodes.len() / known.columns;
+        let grid = Grid {
+            origin: nurbs.domain().min,
+            step: nurbs.knots().0.step() / NODES_PER_SPAN as f64,
+            columns: known.columns,
+            rows,
+        };
+        let (xs, ys) = grid.coordinates();
+        let fitted = nurbs.heights_over(&xs, &ys);
+        let heights = known.nodes.iter().zip(fitted).map(|(known, fitted)| match known.node {
+            Node::Surface(_) => Node::Surface(fitted + known.difference),
+            node => node,
+        });
+        let field = HeightField::new(grid.origin, grid.step, grid.columns, grid.rows, heights.collect())?;
+        let doubts = match known.nodes.iter().any(|known| known.doubt > 0.0) {
+            true => known.nodes.iter().map(|known| known.doubt).collect(),
+            false => Vec::new(),
+        };
+        let uncertainties = known.nodes.iter().map(|known| known.uncertainty).collect();
+        Some(Self::compare(nurbs, field).doubted(doubts, uncertainties).with_known(self.known.clone()))
+    }
+}
+
+impl FittedSurface {
+    /// The nodes at which the surface of a whole part misses it by far ([`Self::missed_by`]).
+    pub(super) fn missed(&self, samples: &PartSamples, turns: &[Turn], tolerance: f64) -> Vec<bool> {
+        self.missed_by(BY_FAR, samples, turns, tolerance)
+    }
+
+    /// The nodes at which the surface misses the part where it may be marked, given the turns between its samples; and those of
+    /// sides that are so narrow that most of their nodes are beside edges. The tolerance is in mm.
+    fn missed_by(&self, times: f64, samples: &PartSamples, turns: &[Turn], tolerance: f64) -> Vec<bool> {
+        let columns = self.field.size().0;
+        let near = grown(&samples.is_at_edge, columns, REACH);
+        let narrow = match times > 1.0 && self.field.step() < CLOSE {
+            true => BTreeSet::new(),
+            false => samples.narrow_sides(&near),
+        };
+        let mut missed = vec![false; near.len()];
+        for turn in turns.iter().filter(|turn| turn.off > times * TURN * (1.0 + turn.steep).powf(1.5)) {
+            missed[turn.node] = !near[turn.node];
+        }
+        for (node, missed) in missed.iter_mut().enumerate() {
+            let steep = samples.slopes[node].gradient.norm_squared();
+            *missed |= match near[node] {
+                true => samples.sides[node].is_some_and(|side| narrow.contains(&side)),
+                false => self.differences[node].abs() > times * tolerance * (1.0 + steep).sqrt(),
+            };
+            *missed &= steep <= STEEP && matches!(self.field.nodes()[node], Node::Surface(_));
+        }
+        missed
+    }
+}
+
+impl PartSamples {
+    /// The sides of the part of which less than half of the nodes are not `near` an edge.
+    fn narrow_sides(&self, near: &[bool]) -> BTreeSet<u32> {
+        let mut nodes: BTreeMap<u32, [usize; 2]> = BTreeMap::new();
+        for (node, side) in self.sides.iter().enumerate() {
+            if let (Some(side), Node::Surface(_)) = (side, self.field.nodes()[node]) {
+                nodes.entry(*side).or_default()[usize::from(near[node])] += 1;
+            }
+        }
+        let is_narrow = |[free, near]: [usize; 2]| free < near && free + near >= LEAST_SIDE;
+        nodes.into_iter().filter(|(_, count)| is_narrow(*count)).map(|(side, _)| side).collect()
+    }
+}
+
+/// Nodes in a rectangle of spans.
+fn nodes_in(spans: &[Range<usize>; 2]) -> usize {
+    spans.iter().map(|range| NODES_PER_SPAN * range.len() + 1).product()
+}
+
+fn with_margin(core: &[Range<usize>; 2], all: &[usize; 2]) -> [Range<usize>; 2] {
+    [0, 1].map(|axis| {
+        let range = &core[axis];
+        range.start.saturating_sub(MARGIN)..(range.end + MARGIN).min(all[axis])
+    })
+}
+
+/// Adds the squares of a level, by row and column, with the marked nodes of the level before and those beside them; `first` is the
+/// number of the first node, and `spans` are those of the whole part on the level of the squares.
+///
+/// The nodes of a level are as far apart as the ends of the spans of the next one.
+fn add_squares(
+    squares: &mut BTreeSet<[usize; 2]>,
+    marked: &[bool],
+    columns: usize,
+    first: [usize; 2],
+    spans: &[usize; 2],
+) {
+    for node in (0..marked.len()).filter(|node| marked[*node]) {
+        let at = [first[0] + node % columns, first[1] + node / columns];
+        let [across, up] = [0, 1].map(|axis| {
+            let last = spans[axis] - 1;
+            (at[axis].saturating_sub(BESIDE)).min(last) / SQUARE..=(at[axis] + BESIDE).min(last) / SQUARE
+        });
+        for row in up {
+            squares.extend(across.clone().map(|column| [row, column]));
+        }
+    }
+}
+
+/// Rectangles of spans that cover squares, and few others.
+fn rectangles(squares: &BTreeSet<[usize; 2]>, all: &[usize; 2]) -> Vec<[Range<usize>; 2]> {
+    let mut left = squares.clone();
+    let mut found: Vec<[Range<usize>; 2]> = Vec::new();
+    while let Some(&[row, column]) = left.first() {
+        let mut across = column..column + 1;
+        while left.contains(&[row, across.end]) {
+            across.end += 1;
+        }
+        let mut up = row..row + 1;
+        while across.clone().all(|column| left.contains(&[up.end, column])) {
+            up.end += 1;
+        }
+        for row in up.clone() {
+            across.clone().for_each(|column| {
+                left.remove(&[row, column]);
+            });
+        }
+        let spans = |range: Range<usize>, all: usize| SQUARE * range.start..(SQUARE * range.end).min(all);
+        found.push([spans(across, all[0]), spans(up, all[1])]);
+    }
+    // Two are one where that has no more nodes.
+    let work = |core: &[Range<usize>; 2]| nodes_in(&with_margin(core, all));
+    let mut one = 0;
+    while one < found.len() {
+        let joined = (one + 1..found.len()).find_map(|other| {
+            let both = [0, 1].map(|axis| {
+                let [a, b] = [&found[one][axis], &found[other][axis]];
+                a.start.min(b.start)..a.end.max(b.end)
+            });
+            (work(&both) <= work(&found[one]) + work(&found[other])).then_some((other, both))
+        });
+        match joined {
+            Some((other, both)) => {
+                found.remove(other);
+                found[one] = both;
+                one = 0;
+            }
+            None => one += 1,
+        }
+    }
+    found
+}
