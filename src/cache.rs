@@ -769,13 +769,62 @@ mod tests {
         CachedSurface { origin, facts: reading.facts, surface, mark }
     }
 
+    /// A plate of 120 mm with a cap of a ball of 4 mm in its middle.
+    fn with_windows() -> CachedSurface {
+        let mut obj = String::from("v 0 0 4\n");
+        let rings =
+            (1..=8).map(|ring| f64::from(ring) * 0.1).map(|angle| (4.0 * angle.sin(), 4.0 * angle.cos()));
+        for (from_axis, z) in rings.chain([(60.0, 4.0 * 0.8f64.cos())]) {
+            for sector in 0..24 {
+                let (sin, cos) = (f64::from(sector) * std::f64::consts::TAU / 24.0).sin_cos();
+                obj += &format!("v {} {} {z}\n", from_axis * cos, from_axis * sin);
+            }
+        }
+        for sector in 0..24 {
+            let next = (sector + 1) % 24;
+            obj += &format!("f 1 {} {}\n", 2 + sector, 2 + next);
+            for ring in 0..8 {
+                let [inner, outer] = [2 + 24 * ring, 26 + 24 * ring];
+                obj +=
+                    &format!("f {} {} {} {}\n", inner + sector, outer + sector, outer + next, inner + next);
+            }
+        }
+        let options = MeshOptions::default();
+        let reading =
+            crate::formats::mesh::read(obj.as_bytes(), MeshFormat::Obj, &options, &BTreeMap::new()).unwrap();
+        let part = FacingPart::new(reading.shape.mesh().unwrap(), &View::top());
+        let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
+        CachedSurface { surface, facts: reading.facts, ..kept() }
+    }
+
+    #[test]
+    fn a_kept_surface_has_its_windows() {
+        let kept = CachedSurface { mark: None, ..with_windows() };
+        assert!(!kept.surface.windows().is_empty());
+        let bytes = encode(&kept).unwrap();
+        let read = decode(&bytes).unwrap();
+        assert_eq!(read, kept);
+        // One that the part does not have, or that lacks the spans in which it counts, is no window of it.
+        for change in [
+            (|window: &mut Window| window.level = 60) as fn(&mut Window),
+            |window| window.level = 0,
+            |window| window.first[0] += 40,
+            |window| window.core[1].end += 40,
+            |window| window.core[0].start = window.core[0].end,
+        ] {
+            let mut windows = kept.surface.windows().to_vec();
+            change(windows.last_mut().unwrap());
+            assert_eq!(kept.surface.clone().with_windows(windows), None);
+        }
+    }
+
     /// A change here means that every part is fitted again.
     #[test]
     fn the_key_of_a_surface_is_pinned() {
         let key = |settings: &PartSettings| {
             CacheKey::new("ab12", &canonical::surface(settings, &FitOptions::default())).0
         };
-        // BLAKE3 from another program: of "isomark fit 21", "ab12" and the pinned text of the settings, one per line.
+        // BLAKE3 from another program: of "isomark fit 22", "ab12" and the pinned text of the settings, one per line.
         assert_eq!(key(&PartSettings::default()), "4d5e21737264d8b06a2c9995f372338a");
         assert_eq!(key(&everything().part), "4dadbb310a293284c4ee7c8d7d012557");
     }

@@ -421,7 +421,7 @@ impl Pipeline {
             let distortions = (before.as_ref(), &after);
             let limit = settings.correction.tolerance;
             let shown = preview::Shown {
-                part_outline: learned.recent.outline(limit, || preview::relief(&whole.kept.surface, limit)),
+                part_outline: whole.recent.outline(limit, || preview::relief(&whole.kept.surface, limit)),
                 residual_under_ink: exposure.max_difference,
                 anchor: placing.place,
                 part_size: seen_size(&part.facts, &settings.part),

@@ -3,6 +3,7 @@
 use super::content::{self, PlacedCode};
 use super::fill;
 use super::progress::Steps;
+use super::recent::RecentDrawings;
 use super::{
     Clock, LearnedPart, PatternInput, Pipeline, PipelineError, QUICK_WORK, Step, WORK_OF_PIECE, checks,
     method,
@@ -159,7 +160,7 @@ impl LearnedPart {
             let far = (extents.max - place).sup(&(place - extents.min)).norm();
             extents = Extents { min: place, max: place }.grown(far);
         }
-        let Self { kept, key, from_cache, settings, notices, timings, recent, mesh: _ } = self;
+        let Self { kept, key, from_cache, settings, notices, timings, recent: _, mesh: _ } = self;
         let CachedSurface { origin, facts, surface, mark } = kept;
         let surface = surface.round(&extents)?;
         let (origin, facts, mark) = (origin.clone(), facts.clone(), mark.clone());
@@ -171,7 +172,8 @@ impl LearnedPart {
             mesh: None,
             notices: notices.clone(),
             timings: timings.clone(),
-            recent: recent.clone(),
+            // What is remembered follows from the surface, and that from the drawing and the settings.
+            recent: RecentDrawings::default(),
         })
     }
 }

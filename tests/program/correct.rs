@@ -580,3 +580,44 @@ fn lines_that_the_correction_makes_less_true_and_distances_that_change_are_repor
     let (report, codes) = corrected("near.dxf", "");
     assert!(!has(&codes, "distance-changes") && change(&report) < 0.01, "{codes:?}");
 }
+
+/// A plate of 300 mm with a rod of 12 mm along it, in facets of 4 degrees.
+fn plate_with_rod() -> String {
+    let arc = (0..=45).map(|at| -6.0 * (f64::from(at) * std::f64::consts::PI / 45.0).cos());
+    let columns: Vec<f64> = [-150.0].into_iter().chain(arc).chain([150.0]).collect();
+    let points = columns.iter().flat_map(|x| [-150.0, 150.0].map(|y| (x, y)));
+    let mut obj: String =
+        points.map(|(x, y)| format!("v {x} {y} {}\n", (36.0 - x * x).max(0.0).sqrt())).collect();
+    for column in 0..columns.len() - 1 {
+        let corner = 2 * column + 1;
+        obj += &format!("f {} {} {} {}\n", corner, corner + 2, corner + 3, corner + 1);
+    }
+    obj
+}
+
+#[test]
+fn a_thin_rod_on_a_wide_plate_is_marked_as_a_cylinder() {
+    let desk = Desk::new();
+    desk.write("rod.obj", plate_with_rod());
+    let width = 6.0;
+    let square = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{width}mm\" viewBox=\"0 0 {width} {width}\">\
+         <path d=\"M0 0H{width}V{width}H0Z\" fill=\"none\" stroke=\"black\"/></svg>"
+    );
+    desk.write("square.svg", square);
+    let (rod, drawing) = (desk.path("rod.obj"), desk.path("square.svg"));
+    let options = "--part-unit mm --part-up z --facing +z --place 0,20 --vertices keep";
+    let [report, again] = [0, 1].map(|_| {
+        let report = desk.correct(&rod, &drawing, options);
+        (report["map"].clone(), report["quality"].clone(), report["output"]["blake3"].clone())
+    });
+    assert_eq!(report, again, "the kept surface is the fitted one");
+    let (map, quality, _) = report;
+    assert_eq!(map["method"], "cylinder");
+    assert!((map["radius_mm"].as_f64().unwrap() - 6.0).abs() < 1e-3, "{map}");
+    assert!(quality["after"]["length_error_mm"].as_f64().unwrap() < 0.01, "{quality}");
+    // Half of the chord on the cylinder: 3 mm along an arc of 6 mm.
+    let across = numbers(&desk.correct(&rod, &drawing, options), "/output/extents_mm");
+    let half = 6.0 * 0.5f64.sin();
+    assert_near(&across, &[-half, 17.0, half, 23.0], 0.002);
+}

@@ -21,6 +21,7 @@ mod profiles;
 mod waves;
 mod shading;
 mod skins;
+mod small_forms;
 mod small_ink;
 mod steep_scans;
 mod sweep;

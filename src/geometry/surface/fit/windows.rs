@@ -246,8 +246,7 @@ impl FittedSurface {
 
     /// The surface fitted again with smaller spans where it misses the part, until it does not or smaller spans do not help.
     pub(super) fn in_windows(mut self, part: &FacingPart, missed: &[bool], tolerance: f64) -> Self {
-        let few = FEW * self.field.surface_nodes().count() as f64;
-        if missed.iter().filter(|missed| **missed).count() as f64 > few {
+        if !self.are_few(missed) {
             return self;
         }
         let mut squares = BTreeSet::new();
@@ -432,6 +431,12 @@ impl FittedSurface {
         self.missed_by(BY_FAR, samples, turns, tolerance)
     }
 
+    /// Whether few of the nodes on the part are marked.
+    fn are_few(&self, marked: &[bool]) -> bool {
+        let count = marked.iter().filter(|marked| **marked).count();
+        count as f64 <= FEW * self.field.surface_nodes().count() as f64
+    }
+
     /// The nodes at which the surface misses the part where it may be marked, given the turns between its samples; and those of
     /// sides that are so narrow that most of their nodes are beside edges. The tolerance is in mm.
     fn missed_by(&self, times: f64, samples: &PartSamples, turns: &[Turn], tolerance: f64) -> Vec<bool> {
@@ -548,4 +553,82 @@ fn rectangles(squares: &BTreeSet<[usize; 2]>, all: &[usize; 2]) -> Vec<[Range<us
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::mesh::TriMesh;
+    use crate::geometry::shapes;
+    use crate::geometry::space::{View, ViewPoint};
+    use crate::geometry::surface::fit::FitOptions;
+    use proptest::prelude::*;
+
+    /// A bump of 4 mm on a sheet of 150 mm.
+    fn bump(x: f64, y: f64) -> f64 {
+        2.0 * (-((x - 11.0).powi(2) + (y + 7.0).powi(2)) / 8.0).exp()
+    }
+
+    fn sheet() -> TriMesh {
+        shapes::graph(75.0, 0.5, bump)
+    }
+
+    fn fitted(mesh: &TriMesh) -> FittedSurface {
+        FittedSurface::of_part(&FacingPart::new(mesh, &View::top()), &FitOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn a_bump_is_followed_where_it_is() {
+        let surface = fitted(&sheet());
+        assert_eq!(surface.nurbs.knots().0.spans(), 72);
+        let drawing = Extents { min: Vector2::new(8.0, -10.0), max: Vector2::new(14.0, -4.0) };
+        let round = surface.round(&drawing).unwrap();
+        let worst = |of: &FittedSurface| {
+            let places =
+                (0..900).map(|at| (8.0 + 0.2 * f64::from(at % 30), -10.0 + 0.2 * f64::from(at / 30)));
+            let misses = places.map(|(x, y)| (of.nurbs.height(ViewPoint::new(x, y)) - bump(x, y)).abs());
+            misses.fold(0.0, f64::max)
+        };
+        let [before, after] = [&surface, &round].map(worst);
+        assert!(before > 0.02 && after < 2e-3, "{before} and {after} mm");
+    }
+
+    /// The nodes of the surface round a drawing are those of the part and of its windows.
+    #[test]
+    fn the_surface_round_a_drawing_has_the_samples_of_the_part() {
+        let surface = fitted(&sheet());
+        let drawing = Extents { min: Vector2::new(4.0, -14.0), max: Vector2::new(20.0, 2.0) };
+        let round = surface.round(&drawing).unwrap();
+        let domain = round.nurbs.domain();
+        assert!(domain.contains(drawing.min) && domain.contains(drawing.max));
+        for (column, row, height) in round.field.surface_nodes() {
+            let at = round.field.position(column, row);
+            // Beside the windows, the part may be missed, but not by far.
+            let limit = BY_FAR * FitOptions::default().tolerance;
+            assert!((height - bump(at.x, at.y)).abs() < limit, "{height} at {at:?}");
+        }
+        for window in surface.windows().iter().filter(|window| window.level == 1) {
+            let there = window.rectangle();
+            assert!(surface.nurbs.domain().contains(there.min) && surface.nurbs.domain().contains(there.max));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn rectangles_cover_their_squares(squares in prop::collection::btree_set([0..20usize, 0..20usize], 0..60)) {
+            let all = [78, 80];
+            let found = rectangles(&squares, &all);
+            for [row, column] in squares {
+                let inside = |core: &[Range<usize>; 2]| {
+                    let end = (SQUARE * (column + 1)).min(all[0]);
+                    core[0].start <= SQUARE * column
+                        && end <= core[0].end
+                        && core[1].start <= SQUARE * row
+                        && SQUARE * (row + 1) <= core[1].end
+                };
+                prop_assert!(found.iter().any(inside));
+            }
+            prop_assert!(found.iter().all(|core| (0..2).all(|axis| core[axis].end <= all[axis] && !core[axis].is_empty())));
+        }
+    }
 }
