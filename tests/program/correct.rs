@@ -605,10 +605,9 @@ fn a_thin_rod_on_a_wide_plate_is_marked_as_a_cylinder() {
          <path d=\"M0 0H{width}V{width}H0Z\" fill=\"none\" stroke=\"black\"/></svg>"
     );
     desk.write("square.svg", square);
-    let (rod, drawing) = (desk.path("rod.obj"), desk.path("square.svg"));
     let options = "--part-unit mm --part-up z --facing +z --place 0,20 --vertices keep";
     let [report, again] = [0, 1].map(|_| {
-        let report = desk.correct(&rod, &drawing, options);
+        let report = desk.correct("rod.obj", "square.svg", options);
         (report["map"].clone(), report["quality"].clone(), report["output"]["blake3"].clone())
     });
     assert_eq!(report, again, "the kept surface is the fitted one");
@@ -617,7 +616,7 @@ fn a_thin_rod_on_a_wide_plate_is_marked_as_a_cylinder() {
     assert!((map["radius_mm"].as_f64().unwrap() - 6.0).abs() < 1e-3, "{map}");
     assert!(quality["after"]["length_error_mm"].as_f64().unwrap() < 0.01, "{quality}");
     // Half of the chord on the cylinder: 3 mm along an arc of 6 mm.
-    let across = numbers(&desk.correct(&rod, &drawing, options), "/output/extents_mm");
+    let across = numbers(&desk.correct("rod.obj", "square.svg", options), "/output/extents_mm");
     let half = 6.0 * 0.5f64.sin();
     assert_near(&across, &[-half, 17.0, half, 23.0], 0.002);
 }
