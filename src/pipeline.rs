@@ -324,7 +324,8 @@ impl Pipeline {
         checks::ink_layers(&placed, settings, &mut notices);
         let lift = Lift::new(surface, &learned.settings);
         checks::exposure(exposure, &projection, part, lift, ink, settings, &mut notices).map_err(rejected)?;
-        checks::hidden(&projection, ink, settings, lift).map_err(rejected)?;
+        let over_part = Lift::new(&whole.kept.surface, &learned.settings);
+        checks::hidden(&projection, ink, &whole.kept, settings, over_part).map_err(rejected)?;
         notices.extend(checks::mark_region(map, part, ink, settings).map_err(rejected)?);
         clock.lap("check");
         // Tiles are marked one after the other in front of the laser, where their lines cross.

@@ -33,7 +33,7 @@ impl Pipeline {
         let marked = corrected.marked.as_ref()?;
         let projection = Projection {
             map: &marked.map,
-            surface: marked.surface(learned),
+            surface: marked.surface(&learned.kept.surface),
             fixture: settings.fixture,
             head: settings.scan_head(),
         };

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use nalgebra::Point3;
 
-use super::LearnedPart;
 use crate::config::Sku;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::Pattern;
@@ -57,9 +56,9 @@ impl Marked {
             && (ink, fill, map, drawn) == (&other.ink, &other.fill, &other.map, &other.drawn)
     }
 
-    /// The surface under the mark, of the part that it was corrected for.
-    pub(super) fn surface<'a>(&'a self, learned: &'a LearnedPart) -> &'a FittedSurface {
-        self.surface.as_deref().unwrap_or(&learned.kept.surface)
+    /// The surface under the mark, given that of the whole part.
+    pub(super) fn surface<'a>(&'a self, whole: &'a FittedSurface) -> &'a FittedSurface {
+        self.surface.as_deref().unwrap_or(whole)
     }
 
     /// The rectangle of the view with all corners of the drawing, as drawn and as mapped.

@@ -41,7 +41,7 @@ impl Pipeline {
     }
 
     fn drawn_on_part(&self, learned: &LearnedPart, marked: &Marked) -> OnPart {
-        let surface = marked.surface(learned);
+        let surface = marked.surface(&learned.kept.surface);
         let view = view_of(&learned.settings);
         let area = marked.area().grown(MARGIN).outwards_to(AREA_STEP);
         let part = learned.recent.part(&area, || self.drawn_part(learned, &marked.sku, &view, &area));
@@ -100,7 +100,7 @@ impl Pipeline {
         let surface = &learned.kept.surface;
         let (source, mesh) = self.part_for_picture(learned, sku, view);
         let is_thinned = mesh.triangles().len() < mesh.source_triangles();
-        let mesh = mesh.following(view, area, &|at| surface.sampled_height(at), MAX_ADDED);
+        let mesh = mesh.following(view, area, &|at| surface.finest_height(at), MAX_ADDED);
         let in_part = |ring: Vec<Point3<f64>>| ring.into_iter().map(|point| view.part_point(point)).collect();
         let rims = rims(&surface.field, MAX_RIM_POINTS).into_iter().map(in_part).collect();
         let is_final = source != PartSource::Heights || learned.kept.facts.scan.is_some();

@@ -46,8 +46,8 @@ impl Pipeline {
         settings
     }
 
-    /// The map of a placed drawing from the file `name` on the part round it, of the `whole` part; the drawing is turned along the axis of a cylinder or cone first if the
-    /// settings ask for that.
+    /// The map of a placed drawing from the file `name` on the part round it, of the `whole` part. The drawing is turned along the
+    /// axis of a cylinder or cone first if the settings ask for that.
     ///
     /// # Errors
     /// When there is no map, or the turned drawing has ink where no part can be.

@@ -213,7 +213,7 @@ pub(super) fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
         columns,
         rows,
         heights: field.nodes().iter().map(height).collect(),
-        residuals: surface.differences().to_vec(),
+        residuals: surface.finest_differences(),
         residual_limit: limit,
     };
     all.thinned().into_owned()

@@ -83,7 +83,8 @@ pub struct TileFile {
 }
 
 impl Pipeline {
-    /// The map of a placed drawing from the file `name` on the part round it, of the `whole` part; the drawing is divided into tiles if the settings ask for it.
+    /// The map of a placed drawing from the file `name` on the part round it, of the `whole` part. The drawing is divided into tiles
+    /// if the settings ask for it.
     ///
     /// # Errors
     /// When there is no map, or the drawing cannot be marked in tiles.

@@ -28,13 +28,12 @@ impl Projection<'_> {
     /// The ink that is hidden because the part rises more than `limit` mm into the beam; `None` if the beam reaches all of it.
     /// Under a telecentric lens the beam is parallel to the view, in which everything is seen.
     ///
-    /// The part is taken from its highest points over the view, so that a beam that would pass under an overhang is treated
+    /// The whole part is in `field`: it is taken from its highest points over the view, so that a beam that would pass under an overhang is treated
     /// as blocked.
-    pub fn hidden(&self, ink: &Ink, limit: f64) -> Option<Hidden> {
+    pub fn hidden(&self, ink: &Ink, field: &HeightField, limit: f64) -> Option<Hidden> {
         if self.head.lens == Lens::Telecentric {
             return None;
         }
-        let field = &self.surface.field;
         let top = field.nodes().iter().filter_map(height_of).fold(f64::NEG_INFINITY, f64::max);
         let ends = ink.pieces.iter().map(|piece| piece.from);
         let places: Vec<FlatPoint> = ends.chain(ink.squares.iter().chain(&ink.dots).copied()).collect();

@@ -2,9 +2,10 @@
 
 mod windows;
 
+use std::ops::Range;
+
 use nalgebra::{Vector2, Vector3};
 
-pub use self::windows::Window;
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
 use crate::geometry::fork::{Fork, InTurn, found, join, start};
@@ -96,7 +97,7 @@ pub struct FittedSurface {
     pub nurbs: NurbsSurface,
     /// The sampled part.
     pub field: HeightField,
-    /// The residual of the fit.
+    /// The residual of the fit, with that of its windows where they are.
     pub residual: Residual,
     /// Height of the sampled part minus height of the fit at each node, mm; 0 where there is no surface.
     differences: Vec<f64>,
@@ -105,6 +106,19 @@ pub struct FittedSurface {
     /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
     known: Vec<RoundForm>,
     windows: Vec<Window>,
+}
+
+/// A rectangle of a part with smaller spans.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Window {
+    /// How often the spans of the whole part are halved, at least once.
+    pub level: usize,
+    /// The span of this level, counted from the lower left of the whole part, with which its knots begin.
+    pub first: [usize; 2],
+    /// The spans of this level in which it counts.
+    pub core: [Range<usize>; 2],
+    /// The surface there, with its samples.
+    pub surface: FittedSurface,
 }
 
 /// The distance between fit and sampled part along the laser's axis, over the smooth surface.
@@ -121,6 +135,26 @@ pub struct Residual {
     pub p95: f64,
     /// Number of nodes compared.
     pub nodes: usize,
+}
+
+impl Residual {
+    /// Of the heights of a field above a surface, mm, at its nodes.
+    fn of(field: &HeightField, differences: &[f64]) -> Self {
+        let columns = field.size().0;
+        let (mut largest, mut squares, mut at) = (0.0f64, 0.0, field.position(0, 0));
+        let mut sizes = Vec::with_capacity(differences.len());
+        for (column, row, _) in field.surface_nodes() {
+            let difference = differences[row * columns + column];
+            squares += difference * difference;
+            sizes.push(difference.abs());
+            if difference.abs() > largest {
+                (largest, at) = (difference.abs(), field.position(column, row));
+            }
+        }
+        let nodes = sizes.len();
+        let rms = (squares / nodes.max(1) as f64).sqrt();
+        Self { max: largest, at, rms, p95: p95(sizes), nodes }
+    }
 }
 
 /// Why no surface could be fitted.
@@ -343,27 +377,18 @@ impl FittedSurface {
     /// A surface with samples of the part; measures the residual between them.
     pub fn compare(nurbs: NurbsSurface, field: HeightField) -> Self {
         let mut differences = vec![0.0; field.nodes().len()];
-        let (mut largest, mut squares, mut at) = (0.0f64, 0.0, field.position(0, 0));
-        let mut sizes = Vec::with_capacity(field.nodes().len());
         let (columns, _) = field.size();
         let (xs, ys) = field.grid().coordinates();
         nurbs.for_each_row(&xs, &ys, |row, fitted| {
             let nodes = row * columns..(row + 1) * columns;
             let rows = field.nodes()[nodes.clone()].iter().zip(&mut differences[nodes]).zip(fitted);
-            for (column, ((node, kept), fitted)) in rows.enumerate() {
-                let Node::Surface(height) = node else { continue };
-                let difference = height - fitted;
-                *kept = difference;
-                squares += difference * difference;
-                sizes.push(difference.abs());
-                if difference.abs() > largest {
-                    (largest, at) = (difference.abs(), field.position(column, row));
+            for ((node, kept), fitted) in rows {
+                if let Node::Surface(height) = node {
+                    *kept = height - fitted;
                 }
             }
         });
-        let nodes = sizes.len();
-        let rms = (squares / nodes.max(1) as f64).sqrt();
-        let residual = Residual { max: largest, at, rms, p95: p95(sizes), nodes };
+        let residual = Residual::of(&field, &differences);
         let (doubts, uncertainties, known) = (Vec::new(), Vec::new(), Vec::new());
         Self { nurbs, field, residual, differences, doubts, uncertainties, known, windows: Vec::new() }
     }
@@ -510,8 +535,8 @@ impl PartSamples {
 }
 
 impl<'a> Data<'a> {
-    /// What `solve` finds of the nodes that are not within `reach` steps of the edges of the part, and its residual at them, mm; where these do not determine a
-    /// surface, of all nodes.
+    /// What `solve` finds of the nodes that are not within `reach` steps of the edges of the part, and its residual at them, mm;
+    /// where these do not determine a surface, of all nodes.
     fn solved(
         part: &'a FacingPart,
         samples: &'a PartSamples,
@@ -712,8 +737,8 @@ fn p95(mut sizes: Vec<f64>) -> f64 {
 }
 
 /// Runs of nodes in the same span, with the span's first control point.
-fn spans_of(basis: &[super::knots::Basis]) -> Vec<(std::ops::Range<usize>, usize)> {
-    let mut runs: Vec<(std::ops::Range<usize>, usize)> = Vec::new();
+fn spans_of(basis: &[super::knots::Basis]) -> Vec<(Range<usize>, usize)> {
+    let mut runs: Vec<(Range<usize>, usize)> = Vec::new();
     for (node, at_node) in basis.iter().enumerate() {
         match runs.last_mut() {
             Some((range, first)) if *first == at_node.first => range.end = node + 1,

@@ -86,11 +86,12 @@ fn incidence(
 pub(in crate::pipeline) fn hidden(
     projection: &Projection<'_>,
     ink: &Ink,
+    part: &CachedSurface,
     settings: &JobSettings,
     lift: Lift,
 ) -> Result<(), Reason> {
     let limit = settings.optics.shadow;
-    let Some(hidden) = projection.hidden(ink, limit) else { return Ok(()) };
+    let Some(hidden) = projection.hidden(ink, &part.surface.field, limit) else { return Ok(()) };
     let at = |place: ViewPoint| match lift.point(place) {
         Some([x, y, z]) => format!("({x:.2}, {y:.2}, {z:.2}) mm of the part"),
         None => format!("({:.2}, {:.2}) mm of the view", place.x, place.y),
