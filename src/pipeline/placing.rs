@@ -147,7 +147,7 @@ impl Pipeline {
 }
 
 impl LearnedPart {
-    /// The part round a placed drawing, where its surface has smaller spans there ([`FittedSurface::round`]).
+    /// The part round a placed drawing, where its surface has smaller spans there.
     pub(super) fn near(&self, drawing: &PlacedPattern, settings: &JobSettings) -> Option<Self> {
         if settings.rotary.tiles != Tiles::Off {
             return None;
