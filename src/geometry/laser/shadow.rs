@@ -28,8 +28,8 @@ impl Projection<'_> {
     /// The ink that is hidden because the part rises more than `limit` mm into the beam; `None` if the beam reaches all of it.
     /// Under a telecentric lens the beam is parallel to the view, in which everything is seen.
     ///
-    /// The whole part is in `field`: it is taken from its highest points over the view, so that a beam that would pass under an overhang is treated
-    /// as blocked.
+    /// `field` is that of the whole part, of which `self` may have only what is round the drawing. The part is taken from its highest
+    /// points over the view, so that a beam that would pass under an overhang is treated as blocked.
     pub fn hidden(&self, ink: &Ink, field: &HeightField, limit: f64) -> Option<Hidden> {
         if self.head.lens == Lens::Telecentric {
             return None;

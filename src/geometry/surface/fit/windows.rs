@@ -634,7 +634,7 @@ mod tests {
     use crate::geometry::surface::fit::FitOptions;
     use proptest::prelude::*;
 
-    /// A bump of 4 mm on a sheet of 150 mm.
+    /// A bump 2 mm high on a sheet of 150 mm.
     fn bump(x: f64, y: f64) -> f64 {
         2.0 * (-((x - 11.0).powi(2) + (y + 7.0).powi(2)) / 8.0).exp()
     }
