@@ -35,6 +35,14 @@ const LEAST_LENGTH: f64 = 4.0;
 const PLAIN: f64 = 2e-3;
 /// Lengths of which one is so many times the other are not those of one curve that was cut evenly.
 const UNEVEN: f64 = 2.5;
+/// No piece of a curve that is cut evenly is so many times as long as the others.
+const LONGER: f64 = 1.25;
+/// Widths of which none is so many times another are one.
+const EQUAL: f64 = 1.05;
+/// The flat of a shaft has edges of at least this share of its width. The facet at the pole of a dome has shorter ones.
+const STRIP: f64 = 0.75;
+/// A turn by less than this, rad, may be rounding in any file.
+const LEAST_CORNER: f64 = 2e-3;
 /// A corner of the section that turns by less than this share of the step is none.
 const NO_CORNER: f64 = 0.25;
 /// Where along a step the sections run besides its middle.
@@ -68,6 +76,8 @@ struct Measured {
     height: f64,
     /// Whether there is nothing beside it that could explain anything: the part ends on both sides.
     is_alone: bool,
+    /// Whether it is between a flat and a curved side.
+    is_at_flat: bool,
 }
 
 /// The section on one side of a step up to its third corner: lengths between the corners, mm, and how far they turn, rad.
@@ -100,6 +110,11 @@ pub(super) fn matters(cosine: f64, facets: impl Fn() -> [[Point3<f64>; 3]; 2], s
 impl Measured {
     fn stands_out(&self, times: f64) -> bool {
         self.turn > times * self.explained + LEAST
+    }
+
+    /// Whether it stands out without a known edge that it continues. Beside a flat, nothing else explains it.
+    fn stands_out_alone(&self) -> bool {
+        self.stands_out(if self.is_at_flat { STILL_STANDS_OUT } else { STANDS_OUT })
     }
 }
 
@@ -150,7 +165,7 @@ impl Steps<'_> {
     fn chains(&self, measured: &[Option<Measured>], ends: &[(u32, u32)]) -> Vec<bool> {
         let stands_out = |(number, step): (usize, &Option<Measured>)| {
             step.as_ref().is_some_and(|step| {
-                step.stands_out(STANDS_OUT) && !(step.is_alone && self.is_crossed(number, measured, ends))
+                step.stands_out_alone() && !(step.is_alone && self.is_crossed(number, measured, ends))
             })
         };
         let stands_out: Vec<bool> = measured.iter().enumerate().map(stands_out).collect();
@@ -249,9 +264,41 @@ impl Steps<'_> {
         one.angle(&other)
     }
 
-    /// What the sections show of a step: the one in its middle, or, where the step stands out there, of several the one that
-    /// explains most.
+    /// What the sections show of a step.
     fn measure(&self, step: Facing) -> Option<Measured> {
+        let measured = self.measure_curved(step)?;
+        if measured.stands_out(STANDS_OUT) {
+            return Some(measured);
+        }
+        match self.explained_beside_flat(step, measured.turn) {
+            Some(explained) => Some(Measured { explained, is_at_flat: true, ..measured }),
+            None => Some(measured),
+        }
+    }
+
+    /// What the curved side explains of a step at a flat that is equally wide all along it, rad: the flat of a shaft.
+    fn explained_beside_flat(&self, step: Facing, turned: f64) -> Option<f64> {
+        let [from, to] = self.facets.ends(step[0] as usize);
+        let along = (to - from).try_normalize(0.0)?;
+        let (mut explained, mut widths) = (0.0_f64, [f64::INFINITY, 0.0]);
+        for share in [0.5].iter().chain(&CUTS) {
+            let start = from + (to - from) * *share;
+            // Fine steps of the curved side are no corners beside a much larger one.
+            let (width, of_curved) = [turned * NO_CORNER, LEAST_CORNER].into_iter().find_map(|least| {
+                let beside = step.map(|side| self.beside(side, start, along, least));
+                let flat = [0, 1].into_iter().find(|&side| beside[side].starts_flat(&beside[1 - side]))?;
+                Some((beside[flat].lengths[0], beside[1 - flat].explains()?))
+            })?;
+            explained = explained.max(of_curved);
+            widths = [widths[0].min(width), widths[1].max(width)];
+        }
+        let is_strip = widths[1] < EQUAL * widths[0] && (to - from).norm() > STRIP * widths[1];
+        is_strip.then_some(explained)
+    }
+
+    /// What the sections show of a step of a curve: the one in its middle, or, where the step stands out there, of several the one
+    /// that explains most.
+    fn measure_curved(&self, step: Facing) -> Option<Measured> {
         let middle = self.measure_at(step, 0.5);
         if middle.as_ref().is_some_and(|middle| !middle.stands_out(STILL_STANDS_OUT)) {
             return middle;
@@ -282,6 +329,7 @@ impl Steps<'_> {
             explained: explained[0] + explained[1],
             height,
             is_alone: known == [None; 2],
+            is_at_flat: false,
         })
     }
 
@@ -324,6 +372,20 @@ fn at_place(ends: &[(u32, u32)], place: u32) -> impl Iterator<Item = usize> {
 }
 
 impl Beside {
+    /// Whether the first piece is longer than the next ones on both sides of it, the more so the less equal these are: a curve is cut
+    /// evenly, or finer where something is cut out of it. The flat of a shaft has its edges on the cylinder, and its angles show no
+    /// more than a chord.
+    fn starts_flat(&self, other: &Self) -> bool {
+        if self.count < 3 || other.count < 2 {
+            return false;
+        }
+        let [first, next @ ..] = self.lengths;
+        let beside = next.into_iter().chain(other.lengths.into_iter().take(2));
+        let [shortest, longest] =
+            beside.fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)]);
+        first > longest * (LONGER * longest / shortest).min(UNEVEN)
+    }
+
     /// What the corners explain of the step at the section's start, rad: on a curve that is cut evenly half of the next one, and
     /// where lengths differ much the shorter piece is the curved one. `None` where the section ends before a corner.
     fn explains(&self) -> Option<f64> {

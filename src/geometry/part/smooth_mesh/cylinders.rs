@@ -858,20 +858,30 @@ mod tests {
 
     #[test]
     fn a_flat_side_between_two_lines_of_a_shaft_stays_flat() {
-        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-        // Steps of 0.15 rad, and one of 1.2 rad.
-        let angles: Vec<f64> =
-            (0..20).map(|step| f64::from(step) * 0.15 + if step > 8 { 1.05 } else { 0.0 }).collect();
-        strip(&mut positions, &mut triangles, [(20.0, 0.0, &angles), (20.0, 50.0, &angles)]);
-        let shaft = smooth(positions, triangles);
-        for triangle in 0..shaft.triangles.len() {
-            let (corners, _) = shaft.corners(triangle);
-            let middle = nalgebra::center(&corners[0], &corners[1]);
-            let flat = facet_normal(corners);
-            if 20.0 - middle.coords.xy().norm() > 0.3 {
-                let bulge = shaft.patch(triangle).largest_bulge();
-                assert!(bulge < 0.5, "{bulge} mm over the flat side with normal {flat:?}");
+        // The angles of the facets and of the flat side, rad: as CAD programs cut shafts, finely and coarsely.
+        for (step, flat, length) in
+            [(0.15, 1.2, 50.0), (0.1, 0.75, 12.0), (0.1, 0.4, 50.0), (0.23, 0.45, 8.0)]
+        {
+            let angles: Vec<f64> = (0..20)
+                .map(|index| f64::from(index) * step + if index > 8 { flat - step } else { 0.0 })
+                .collect();
+            let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+            strip(&mut positions, &mut triangles, [(20.0, 0.0, &angles), (20.0, length, &angles)]);
+            let shaft = smooth(positions, triangles);
+            let mut found = 0;
+            for triangle in 0..shaft.triangles.len() {
+                let (corners, normals) = shaft.corners(triangle);
+                let facet = facet_normal(corners);
+                let is_of_flat = facet.dot(&corners[0].coords).abs() < 20.0 * (0.45 * flat).cos();
+                found += usize::from(is_of_flat);
+                for (corner, normal) in corners.iter().zip(normals) {
+                    let radial = Vector3::new(corner.x, corner.y, 0.0).normalize();
+                    let exact = if is_of_flat { facet } else { radial };
+                    let lean = normal.cross(&exact).norm();
+                    assert!(lean < 1e-6, "step {step}, flat side {flat}, {corner}: {lean} rad");
+                }
             }
+            assert_eq!(found, 2, "step {step}, flat side {flat}");
         }
     }
 
