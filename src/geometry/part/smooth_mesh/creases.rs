@@ -165,7 +165,9 @@ impl Steps<'_> {
     fn chains(&self, measured: &[Option<Measured>], ends: &[(u32, u32)]) -> Vec<bool> {
         let stands_out = |(number, step): (usize, &Option<Measured>)| {
             step.as_ref().is_some_and(|step| {
-                step.stands_out_alone() && !(step.is_alone && self.is_crossed(number, measured, ends))
+                step.stands_out_alone()
+                    && !(step.is_alone && self.is_crossed(number, measured, ends))
+                    && !(step.is_at_flat && self.is_bent(number, measured, ends))
             })
         };
         let stands_out: Vec<bool> = measured.iter().enumerate().map(stands_out).collect();
@@ -233,6 +235,18 @@ impl Steps<'_> {
         })
     }
 
+    /// Whether a step at a flat goes on in another direction along the next flat: a row of equal facets round a ball or a barrel.
+    fn is_bent(&self, number: usize, measured: &[Option<Measured>], ends: &[(u32, u32)]) -> bool {
+        let side = self.steps[number][0];
+        self.end_places(side).into_iter().any(|place| {
+            at_place(ends, place).any(|other| {
+                let bend = self.bend(place, side, self.steps[other][0]);
+                let is_at_flat = measured[other].as_ref().is_some_and(|step| step.is_at_flat);
+                other != number && is_at_flat && (LEAST..STRAIGHT).contains(&bend)
+            })
+        })
+    }
+
     /// The places at the ends of each of the `sides`, with its index, in order of the places.
     fn by_place(&self, sides: &[Facing]) -> Vec<(u32, u32)> {
         let ends = sides.iter().zip(0..).flat_map(|(side, index)| {
@@ -251,11 +265,16 @@ impl Steps<'_> {
 
     /// Whether two sides that meet at a place nearly continue each other there.
     fn runs_on(&self, place: u32, one: u32, other: u32) -> bool {
+        self.bend(place, one, other) < STRAIGHT
+    }
+
+    /// The angle between the directions of two sides that meet at a place, rad; 0 if one continues the other straight.
+    fn bend(&self, place: u32, one: u32, other: u32) -> f64 {
         let away = |side: u32| {
             let [from, to] = self.facets.ends(side as usize);
             if self.end_places(side)[0] == place { to - from } else { from - to }
         };
-        (-away(one)).angle(&away(other)) < STRAIGHT
+        (-away(one)).angle(&away(other))
     }
 
     /// The angle between the facets at two facing sides, rad.

@@ -897,6 +897,30 @@ mod tests {
     }
 
     #[test]
+    fn a_ball_without_its_middle_ring_has_no_edges() {
+        // Its middle row of facets is twice as high as the others, and its rings are as far from one another as on a cylinder.
+        const ROWS: i32 = 16;
+        let step = std::f64::consts::PI / f64::from(ROWS);
+        let angles: Vec<f64> = (0..=10).map(|index| f64::from(index) * 2.0 * step).collect();
+        let rings: Vec<(f64, f64)> = (-5..=5)
+            .filter(|&ring| ring != 0)
+            .map(|ring| (20.0 * (f64::from(ring) * step).cos(), 20.0 * (f64::from(ring) * step).sin()))
+            .collect();
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for rows in rings.windows(2) {
+            let rings = [0, 1].map(|ring: usize| (rows[ring].0, rows[ring].1, angles.as_slice()));
+            strip(&mut positions, &mut triangles, rings);
+        }
+        let ball = smooth(positions, triangles);
+        assert_eq!(ball.regions.iter().max(), Some(&0));
+        let is_inside = |at: &Point3<f64>| at.z.abs() < 10.0 && (0.5..3.2).contains(&at.y.atan2(at.x));
+        for (at, normal) in ball.positions.iter().zip(&ball.normals).filter(|(at, _)| is_inside(at)) {
+            let lean = normal.angle(&at.coords);
+            assert!(lean < 0.02, "{at}: {lean} rad");
+        }
+    }
+
+    #[test]
     fn two_equal_rings_of_a_barrel_are_no_cylinder() {
         // Rings at even steps of a profile of R = 100 mm: the middle strip is on a cylinder.
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
