@@ -836,6 +836,32 @@ mod tests {
     }
 
     #[test]
+    fn a_long_body_between_cones_is_a_cylinder() {
+        // A pen: rings with radius and height. Its cones follow one another, or are cut into narrow rows.
+        let rows = (0..=8).map(|row| (6.0 - 0.01 * f64::from(row), 40.0 + 0.625 * f64::from(row)));
+        let cone_of_rows: Vec<(f64, f64)> = [(6.0, -50.0)].into_iter().chain(rows).collect();
+        let two_cones = vec![(1.8, -75.0), (4.8, -55.0), (6.0, -50.0), (6.0, 40.0), (5.0, 45.0)];
+        for (rings, step) in [(cone_of_rows, 0.05), (two_cones, 0.2)] {
+            let angles: Vec<f64> = (0..=24).map(|index| f64::from(index) * step).collect();
+            let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+            for pair in rings.windows(2) {
+                let ends = [pair[0], pair[1]].map(|(radius, z)| (radius, z, angles.as_slice()));
+                strip(&mut positions, &mut triangles, ends);
+            }
+            let pen = smooth(positions, triangles);
+            let mut found = 0;
+            for triangle in 0..pen.triangles.len() {
+                let (corners, normals) = pen.corners(triangle);
+                if corners.iter().all(|at| (at.coords.xy().norm() - 6.0).abs() < 1e-9) {
+                    found += 1;
+                    assert!(normals.iter().all(|normal| normal.z.abs() < 1e-6), "step {step}: {normals:?}");
+                }
+            }
+            assert_eq!(found, 48, "step {step}");
+        }
+    }
+
+    #[test]
     fn at_an_edge_the_chamfer_keeps_its_own_normals() {
         // A can with a chamfer of 20 degrees, 4 mm long, which its own facets show to be straight.
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());

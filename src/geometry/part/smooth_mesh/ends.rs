@@ -32,6 +32,9 @@ const IN_LINE: f64 = 0.01;
 /// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A surface is so long that an arc as
 /// narrow as theirs would leave it so many times as far as the arcs across its lines.
 const IMPLAUSIBLE: f64 = 12.0;
+/// Facets beyond an edge need not lean alike, as those of two cones, and those of one cone may be narrow, if the surface is also so
+/// many times as long as they are.
+const MUCH_LONGER: f64 = 4.0;
 /// Lines are straight if an arc that vertices do not show along the surface has at least so many times the radius of those across it.
 /// Others may be a few rings of the fine profile of a turned part.
 const STRAIGHTER: f64 = 50.0;
@@ -133,7 +136,11 @@ impl End {
         let limit = SAME_RADIUS + near / first.off;
         let touches = (first.radius() / next.radius() - 1.0).abs() < limit;
         let is_edge = width * lean / 4.0 > FARTHER * bulge;
-        touches || is_edge && (next.lean() - lean).abs() < IN_LINE
+        let is_in_line = (next.lean() - lean).abs() < IN_LINE;
+        // Of one arc, the surface and the facet beyond it would be two chords.
+        let would_leave = own * own * lean / (4.0 * (own + width));
+        let is_too_long = width * MUCH_LONGER < *own && would_leave > IMPLAUSIBLE * bulge;
+        touches || [is_edge, is_in_line, is_too_long].into_iter().filter(|shown| *shown).count() >= 2
     }
 }
 
