@@ -835,30 +835,70 @@ mod tests {
         }
     }
 
+    /// Whether all normals of triangles on a cylinder about the z axis are at right angles to it, of which there are `count`.
+    fn assert_upright(mesh: &SmoothMesh, radius: f64, count: usize, name: &str) {
+        let mut found = 0;
+        for triangle in 0..mesh.triangles.len() {
+            let (corners, normals) = mesh.corners(triangle);
+            if corners.iter().all(|at| (at.coords.xy().norm() - radius).abs() < 1e-9) {
+                found += 1;
+                assert!(normals.iter().all(|normal| normal.z.abs() < 1e-6), "{name}: {normals:?}");
+            }
+        }
+        assert_eq!(found, count, "{name}");
+    }
+
     #[test]
     fn a_long_body_between_cones_is_a_cylinder() {
-        // A pen: rings with radius and height. Its cones follow one another, or are cut into narrow rows.
-        let rows = (0..=8).map(|row| (6.0 - 0.01 * f64::from(row), 40.0 + 0.625 * f64::from(row)));
-        let cone_of_rows: Vec<(f64, f64)> = [(6.0, -50.0)].into_iter().chain(rows).collect();
+        // Rings with radius and height. The cones of pens follow one another, are cut into narrow rows, or lean gently.
+        let rows = |row: i32| (6.0 - 0.01 * f64::from(row), 40.0 + 0.625 * f64::from(row));
+        let narrow_rows: Vec<_> = [(6.0, -50.0)].into_iter().chain((0..=8).map(rows)).collect();
         let two_cones = vec![(1.8, -75.0), (4.8, -55.0), (6.0, -50.0), (6.0, 40.0), (5.0, 45.0)];
-        for (rings, step) in [(cone_of_rows, 0.05), (two_cones, 0.2)] {
+        let gentle = vec![(1.8, -75.0), (4.8, -55.0), (6.0, -50.0), (6.0, 40.0), (5.7, 60.0), (4.2, 70.0)];
+        let wide_rows = |row: i32| (30.0 - 0.043 * f64::from(row), 19.0 + 4.2 * f64::from(row));
+        let barely: Vec<_> = [(30.0, -19.0)].into_iter().chain((0..=4).map(wide_rows)).collect();
+        for (name, rings, step) in [
+            ("narrow rows", narrow_rows, 0.05),
+            ("two cones", two_cones, 0.2),
+            ("gentle", gentle, 0.24),
+            ("barely leaning", barely, 0.115),
+        ] {
             let angles: Vec<f64> = (0..=24).map(|index| f64::from(index) * step).collect();
             let (mut positions, mut triangles) = (Vec::new(), Vec::new());
             for pair in rings.windows(2) {
                 let ends = [pair[0], pair[1]].map(|(radius, z)| (radius, z, angles.as_slice()));
                 strip(&mut positions, &mut triangles, ends);
             }
-            let pen = smooth(positions, triangles);
-            let mut found = 0;
-            for triangle in 0..pen.triangles.len() {
-                let (corners, normals) = pen.corners(triangle);
-                if corners.iter().all(|at| (at.coords.xy().norm() - 6.0).abs() < 1e-9) {
-                    found += 1;
-                    assert!(normals.iter().all(|normal| normal.z.abs() < 1e-6), "step {step}: {normals:?}");
-                }
-            }
-            assert_eq!(found, 48, "step {step}");
+            let radius = rings.iter().map(|ring| ring.0).fold(0.0, f64::max);
+            assert_upright(&smooth(positions, triangles), radius, 48, name);
         }
+    }
+
+    #[test]
+    fn a_short_body_is_a_cylinder_where_one_arc_begins_at_its_rim() {
+        // The vertices beyond the rim are on an arc of 315 mm that begins there, at different heights; an arc of 40 mm follows.
+        const STEPS: u32 = 20;
+        let on_arc = |z: f64| 30.0 - (315.0 - (315.0f64 * 315.0 - z * z).sqrt());
+        let rows = [
+            |_: u32| (30.0, -22.0),
+            |_: u32| (30.0, 0.0),
+            |step: u32| (0.0, [3.0, 6.5, 13.0][step as usize % 3]),
+            |_: u32| (26.5, 24.0),
+        ];
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for row in rows {
+            for step in 0..=STEPS {
+                let (radius, z) = row(step);
+                let radius = if radius == 0.0 { on_arc(z) } else { radius };
+                let angle = 0.15 * f64::from(step);
+                positions.push(Point3::new(radius * angle.cos(), radius * angle.sin(), z));
+            }
+        }
+        for low in (0..3).flat_map(|row| (0..STEPS).map(move |step| row * (STEPS + 1) + step)) {
+            let high = low + STEPS + 1;
+            triangles.extend([[low, low + 1, high + 1], [low, high + 1, high]]);
+        }
+        assert_upright(&smooth(positions, triangles), 30.0, 40, "short body");
     }
 
     #[test]

@@ -32,9 +32,17 @@ const IN_LINE: f64 = 0.01;
 /// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A surface is so long that an arc as
 /// narrow as theirs would leave it so many times as far as the arcs across its lines.
 const IMPLAUSIBLE: f64 = 12.0;
-/// Facets beyond an edge need not lean alike, as those of two cones, and those of one cone may be narrow, if the surface is also so
-/// many times as long as they are.
+/// Facets beyond an edge need not lean alike, as those of two cones, and those of one cone may be narrow, if the surface is so many
+/// times as long as they are.
 const MUCH_LONGER: f64 = 4.0;
+/// The chords of a profile may leave it farther than those across the lines where the angle between facets was limited alone; then
+/// it turns from one to the next as those do. Beyond a surface whose profile is cut otherwise, they lean by less than this share of
+/// that angle.
+const GENTLE: f64 = 0.25;
+/// Two rows of facets are of a cone if their leans differ by less than this share of what those of an arc would.
+const OF_ARC: f64 = 0.25;
+/// First vertices beyond a rim are on one arc where their radii differ by less than this share.
+const SAME_ARC: f64 = 0.01;
 /// Lines are straight if an arc that vertices do not show along the surface has at least so many times the radius of those across it.
 /// Others may be a few rings of the fine profile of a turned part.
 const STRAIGHTER: f64 = 50.0;
@@ -108,6 +116,20 @@ impl Beyond {
     fn radius(&self) -> f64 {
         self.distance().powi(2) / (2.0 * self.off)
     }
+
+    /// Whether that is a given radius, to within a share of it and to where vertices may be off by `near`, mm.
+    fn is_on_arc(&self, radius: f64, share: f64, near: f64) -> bool {
+        (self.radius() / radius - 1.0).abs() < share + near / self.off
+    }
+}
+
+/// How the facets of a surface turn across its lines.
+#[derive(Clone, Copy)]
+struct Across {
+    /// How far they leave it, mm.
+    bulge: f64,
+    /// The angle between two of them, rad.
+    turn: f64,
 }
 
 /// What follows a rim along the profile.
@@ -121,27 +143,40 @@ struct End {
 }
 
 impl End {
-    /// Whether it follows a surface of parallel lines, and not an arc that leaves its facets as far as they leave those across the
-    /// lines (`bulge`, mm): straight on, in a fillet, or at an edge. Vertices may be off by `near`, mm.
-    fn is_of_straight(&self, bulge: f64, near: f64) -> bool {
+    /// Whether it follows a surface of parallel lines, and not an arc that leaves its facets as far as they leave those `across` the
+    /// lines: straight on, in a fillet, or at an edge. `arc` is the radius of an arc that begins at this rim, mm, if one does.
+    /// Vertices may be off by `near`, mm.
+    fn is_of_straight(&self, across: Across, arc: Option<f64>, near: f64) -> bool {
         let Self { first, next, width, own } = self;
+        let Across { bulge, turn } = across;
         let lean = first.lean();
-        if lean < STRAIGHT {
+        if lean < STRAIGHT || arc.is_some_and(|arc| first.is_on_arc(arc, SAME_ARC, near)) {
             return true;
         }
         if width * LONGER > *own {
             return false;
         }
         let Some(next) = next else { return own * own * lean / (4.0 * width) > IMPLAUSIBLE * bulge };
-        let limit = SAME_RADIUS + near / first.off;
-        let touches = (first.radius() / next.radius() - 1.0).abs() < limit;
-        let is_edge = width * lean / 4.0 > FARTHER * bulge;
-        let is_in_line = (next.lean() - lean).abs() < IN_LINE;
         // Of one arc, the surface and the facet beyond it would be two chords.
-        let would_leave = own * own * lean / (4.0 * (own + width));
-        let is_too_long = width * MUCH_LONGER < *own && would_leave > IMPLAUSIBLE * bulge;
-        touches || [is_edge, is_in_line, is_too_long].into_iter().filter(|shown| *shown).count() >= 2
+        let leaves_arc = |times: f64| own * own * lean / (4.0 * (own + width)) > times * bulge;
+        let is_long = width * MUCH_LONGER < *own;
+        let uneven = (next.lean() - lean).abs();
+        let is_of_cone = uneven + near / first.past < OF_ARC * lean * width / (own + width);
+        if first.is_on_arc(next.radius(), SAME_RADIUS, near)
+            || is_of_cone && leaves_arc(1.0)
+            || is_long && lean < GENTLE * turn && leaves_arc(FARTHER)
+        {
+            return true;
+        }
+        let is_edge = width * lean / 4.0 > FARTHER * bulge;
+        let is_too_long = is_long && leaves_arc(IMPLAUSIBLE);
+        [is_edge, uneven < IN_LINE, is_too_long].into_iter().filter(|shown| *shown).count() >= 2
     }
+}
+
+/// The least and the largest of some values.
+fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
 /// The facets of a mesh round those of a surface.
@@ -168,38 +203,63 @@ impl<'a> Surroundings<'a> {
         let all = || Neighbours::of(&self.mesh.triangles, self.mesh.positions.len());
         let around = around.get_or_insert_with(all);
         let corners = surface.triangles().iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
-        let along = corners.map(|point| surface.along(&point));
-        let rims = along
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)]);
+        let rims = range(corners.map(|point| surface.along(&point)));
         let bulge = surface.largest_bulge();
         let own = rims[1] - rims[0];
-        if own * own * self.largest_curvature(surface) < 8.0 * STRAIGHTER * self.near {
+        let curvature = self.largest_curvature(surface);
+        if own * own * curvature < 8.0 * STRAIGHTER * self.near {
             return false;
         }
-        let (mut rim, mut unlike) = (0.0, 0.0);
+        let across = Across { bulge, turn: (8.0 * bulge * curvature).sqrt() };
+        // For each rim the sides with what follows them.
+        let mut followed: [Vec<(End, usize)>; 2] = Default::default();
         for (side, beyond) in ends {
             let corners = self.mesh.corners(beyond / 3).0;
             let apex = self.mesh.triangles[beyond / 3][(beyond % 3 + 2) % 3];
             let place = |vertex: u32| self.beyond(surface, rims, side, vertex);
-            let Some(first) = place(apex) else {
+            let Some((first, rim)) = place(apex) else {
                 let ruling = surface.ruling(&corners[0]);
                 if facet_normal(corners).dot(&ruling).abs() < STRAIGHT || sliver_side(corners).is_some() {
                     continue;
                 }
                 return false;
             };
-            let [from, to] = self.mesh.ends(side);
-            let length = (to - from).norm();
-            rim += length;
-            let next = around.of_vertex(apex as usize).iter().filter_map(|&vertex| place(vertex));
+            let next = around.of_vertex(apex as usize).iter().filter_map(|&vertex| Some(place(vertex)?.0));
             let next = next.filter(|next| next.distance() > NEXT * first.distance());
             let next = next.max_by(|one, other| one.distance().total_cmp(&other.distance()));
-            let profile = End { first, next, width: width(corners, beyond % 3), own };
-            if !profile.is_of_straight(bulge, self.near + surface.doubt(side)) {
-                unlike += length;
+            followed[rim].push((End { first, next, width: width(corners, beyond % 3), own }, side));
+        }
+        let (mut whole, mut unlike) = (0.0, 0.0);
+        for ends in &followed {
+            let arc = self.arc_beyond(surface, ends);
+            for (end, side) in ends {
+                let [from, to] = self.mesh.ends(*side);
+                let length = (to - from).norm();
+                whole += length;
+                if !end.is_of_straight(across, arc, self.near + surface.doubt(*side)) {
+                    unlike += length;
+                }
             }
         }
-        unlike <= UNLIKE * rim
+        unlike <= UNLIKE * whole
+    }
+
+    /// The radius of an arc that begins at a rim in the direction of the surface, mm: most first vertices beyond the rim are on it,
+    /// at different distances. A rim is across the lines.
+    fn arc_beyond(&self, surface: &impl Straight, ends: &[(End, usize)]) -> Option<f64> {
+        let along = ends.iter().flat_map(|(_, side)| self.mesh.ends(*side)).map(|at| surface.along(&at));
+        let [low, high] = range(along);
+        if high - low > self.near {
+            return None;
+        }
+        let firsts =
+            ends.iter().map(|(end, _)| end.first).filter(|first| self.near < SAME_RADIUS * first.off);
+        let mut firsts: Vec<Beyond> = firsts.collect();
+        firsts.sort_by(|one, other| one.radius().total_cmp(&other.radius()));
+        let arc = firsts.get(firsts.len() / 2)?.radius();
+        let on_arc = || firsts.iter().filter(|first| first.is_on_arc(arc, SAME_ARC, self.near));
+        let [nearest, farthest] = range(on_arc().map(Beyond::distance));
+        (2 * on_arc().count() > firsts.len() && farthest > NEXT * nearest).then_some(arc)
     }
 
     /// By how much the normals of a surface turn across its lines at most, rad/mm.
@@ -216,18 +276,19 @@ impl<'a> Surroundings<'a> {
         sides.filter_map(curvature).fold(0.0, f64::max)
     }
 
-    /// Where a vertex is beyond the rims of a surface, if it is.
+    /// Where a vertex is beyond the rims of a surface, and beyond which of them, if it is.
     fn beyond(
         &self,
         surface: &impl Straight,
         [low, high]: [f64; 2],
         side: usize,
         vertex: u32,
-    ) -> Option<Beyond> {
+    ) -> Option<(Beyond, usize)> {
         let at = self.mesh.positions[vertex as usize];
         let along = surface.along(&at);
         let past = (along - high).max(low - along);
-        (past > self.near).then(|| Beyond { past, off: surface.distance(side, &at) })
+        let rim = usize::from(along > high);
+        (past > self.near).then(|| (Beyond { past, off: surface.distance(side, &at) }, rim))
     }
 
     /// The vertices of a surface at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
