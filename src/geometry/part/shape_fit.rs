@@ -47,6 +47,29 @@ where
     shape
 }
 
+/// How far points on a shape would be from all of its kind, root mean square, mm, if each was moved by as many mm along the shape's
+/// normal: by what no small change of the parameters does. 0 if the points do not define the shape. `derivatives_at` returns the
+/// derivatives of a point's distance from the shape by its parameters.
+pub(crate) fn left_after_fit<const PARAMETERS: usize>(
+    points: &[Point3<f64>],
+    derivatives_at: impl Fn(&Point3<f64>) -> [f64; PARAMETERS],
+    moved_by: impl Fn(&Point3<f64>) -> f64,
+) -> f64 {
+    let mut matrix = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
+    let mut right = SVector::<f64, PARAMETERS>::zeros();
+    let rows = || {
+        points.iter().map(|point| (SVector::<f64, PARAMETERS>::from(derivatives_at(point)), moved_by(point)))
+    };
+    for (derivatives, moved) in rows() {
+        matrix += derivatives * derivatives.transpose();
+        right += derivatives * moved;
+    }
+    let Some(factor) = matrix.cholesky() else { return 0.0 };
+    let step = factor.solve(&right);
+    let sum: f64 = rows().map(|(derivatives, moved)| (moved - derivatives.dot(&step)).powi(2)).sum();
+    if sum.is_finite() { (sum / points.len().max(1) as f64).sqrt() } else { 0.0 }
+}
+
 /// Two unit vectors perpendicular to `axis` and to each other.
 pub(crate) fn cross_directions(axis: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let first = axis.cross(&if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();

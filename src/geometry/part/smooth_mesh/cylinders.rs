@@ -30,6 +30,9 @@ const LEAST_BULGE: f64 = 50.0;
 /// … but not at the ends of long facets, of which one side is so many times as long as another: of those, this is enough.
 const LONG: f64 = 4.0;
 const LEAST_BULGE_OF_LONG: f64 = 10.0;
+/// Long facets may be finer by this share where so many on either side of the first are on one cylinder.
+const FINER: f64 = 0.1;
+const REACH_OF_FINER: usize = 16;
 /// Half of the facets of a cylinder's strip leave it by that; where the estimated normals let one leave by less than this share of
 /// it, no strip is looked for.
 const ESTIMATED: f64 = 0.8;
@@ -57,6 +60,8 @@ const FLAT: f64 = 2.5;
 /// The normals of facets on a cylinder lean along its lines by at most this, rad: by a few hundredths where its rims are cut
 /// differently, by more beside a hole.
 const LEAN: f64 = 0.6;
+/// A triangle with less than this share of the area of the largest one in its plane may be of another surface.
+const SMALL: f64 = 0.01;
 /// A triangle is that of the cylinder where its normals differ from the cylinder's by less than this, rad.
 const SAME_NORMAL: f64 = 1e-3;
 
@@ -178,7 +183,8 @@ fn certain_groups(
     };
     let mut seeds: Vec<(usize, f64)> = found(fork, mesh.triangles.len(), |triangle| {
         let bulge = if is_open(triangle) { mesh.bulge(triangle) } else { return None };
-        (bulge >= ESTIMATED * mesh.least_bulge(triangle, near)).then_some((triangle, bulge))
+        let share = if mesh.is_long(triangle) { FINER } else { 1.0 };
+        (bulge >= ESTIMATED * share * mesh.least_bulge(triangle, near)).then_some((triangle, bulge))
     });
     if seeds.is_empty() {
         return Vec::new();
@@ -219,6 +225,10 @@ fn certain_groups(
 impl SmoothMesh {
     /// How far the facets round a triangle must leave the cylinder on which they are, mm, if vertices may be off by `near`, mm.
     fn least_bulge(&self, triangle: usize, near: f64) -> f64 {
+        near * if self.is_long(triangle) { LEAST_BULGE_OF_LONG } else { LEAST_BULGE }
+    }
+
+    fn is_long(&self, triangle: usize) -> bool {
         let lengths = [0, 1, 2].map(|side| {
             let [from, to] = self.ends(3 * triangle + side);
             (to - from).norm()
@@ -226,8 +236,7 @@ impl SmoothMesh {
         let [shortest, longest] = lengths
             .into_iter()
             .fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)]);
-        let is_long = longest > LONG * shortest;
-        near * if is_long { LEAST_BULGE_OF_LONG } else { LEAST_BULGE }
+        longest > LONG * shortest
     }
 
     /// Whether the facets of a group face its axis.
@@ -273,6 +282,14 @@ impl Straight for OnMesh<'_> {
 
     fn distance(&self, _: usize, at: &Point3<f64>) -> f64 {
         self.group.round.distance(at).abs()
+    }
+
+    fn shown_bend(&self, curvature: f64) -> f64 {
+        let Group { round, triangles, near, .. } = self.group;
+        let mut points: Vec<Point3<f64>> =
+            triangles.iter().flat_map(|&triangle| self.mesh.corners(triangle).0).collect();
+        points.retain(|point| round.distance(point).abs() <= *near);
+        round.shown_bend(&points, curvature)
     }
 }
 
@@ -343,17 +360,23 @@ struct Search<'a> {
 /// A strip across a side of a triangle and the cylinder that it shows.
 struct Shown {
     strip: Vec<usize>,
+    /// How far its facets leave the cylinder at least, mm.
+    least_bulge: f64,
     cylinder: Option<Round>,
 }
 
 impl Search<'_> {
     /// What the strips across the sides of a triangle show.
     fn shown_at(&self, triangle: usize) -> Vec<Shown> {
-        let tries = REACHES.into_iter().flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
-        let shown = |(reach, side)| {
+        let least_bulge = self.mesh.least_bulge(triangle, self.near);
+        let finer = self.mesh.is_long(triangle).then_some((REACH_OF_FINER, FINER * least_bulge));
+        let reaches = REACHES.into_iter().map(|reach| (reach, least_bulge)).chain(finer);
+        let tries = reaches.flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
+        let shown = |((reach, least_bulge), side)| {
             let strip = self.strip(triangle, side, reach);
             let points = || self.some_points(&strip, None);
-            Shown { cylinder: Round::cylinder(&self.planes(&strip), points, self.near), strip }
+            let cylinder = Round::cylinder(&self.planes(&strip), points, self.near);
+            Shown { cylinder, strip, least_bulge }
         };
         tries.map(shown).collect()
     }
@@ -361,7 +384,7 @@ impl Search<'_> {
     /// The facets on the cylinder of a triangle, if one of the strips round it shows one.
     fn group_at(&mut self, triangle: usize, shown: Vec<Shown>, seen: &mut Seen<'_>) -> Option<Group> {
         shown.into_iter().find_map(|shown| {
-            let mut group = self.start_at(triangle, &shown)?;
+            let mut group = self.start_at(&shown)?;
             for _ in 0..ROUNDS {
                 let mut triangles = self.grown(&group, triangle, seen);
                 triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
@@ -381,13 +404,13 @@ impl Search<'_> {
     }
 
     /// The cylinder or cone that a strip of a triangle shows, without facets.
-    fn start_at(&mut self, triangle: usize, shown: &Shown) -> Option<Group> {
+    fn start_at(&mut self, shown: &Shown) -> Option<Group> {
         let round = self.round_of(shown)?;
         let mut bulges: Vec<f64> =
             shown.strip.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle)).collect();
         bulges.sort_by(f64::total_cmp);
         let usual = bulges[bulges.len() / 2];
-        (usual >= self.mesh.least_bulge(triangle, self.near)).then(|| Group {
+        (usual >= shown.least_bulge).then(|| Group {
             round,
             near: self.near,
             most: FLAT * usual,
@@ -429,7 +452,7 @@ impl Search<'_> {
     }
 
     /// The cylinder on which the vertices of all triangles of a strip are, or the cone.
-    fn round_of(&mut self, Shown { strip, cylinder }: &Shown) -> Option<Round> {
+    fn round_of(&mut self, Shown { strip, cylinder, .. }: &Shown) -> Option<Round> {
         if cylinder.is_some()
             || self.vain_cones == 0
             || strip.iter().any(|&triangle| self.is_coneless[triangle])
@@ -545,47 +568,57 @@ impl<'a> FacetsOn<'a> {
         Self { search, group, near, known }
     }
 
-    /// Whether the facet of a triangle is on the cylinder.
+    /// Whether the facet of a triangle is on the cylinder, with this triangle.
     fn has(&mut self, triangle: usize) -> bool {
         let facet = self.search.facets.of_triangle(triangle) as usize;
-        self.known.of(facet).unwrap_or_else(|| {
+        let is_on = self.known.of(facet).unwrap_or_else(|| {
             let is_on = self.is_on(triangle);
             self.known.note(facet, is_on);
             is_on
-        })
+        });
+        is_on && self.search.mesh.triangles[triangle].iter().all(|&vertex| self.place(vertex).is_some())
     }
 
-    /// Vertices on chords are between others round the axis, and as far below the cylinder as chords may be.
+    /// Whether a vertex is on the cylinder; otherwise it is on a chord. `None` if it is on neither: those are as far below the
+    /// cylinder as chords may be.
+    fn place(&self, vertex: u32) -> Option<bool> {
+        let at = &self.search.mesh.positions[vertex as usize];
+        let distance = self.group.round.distance(at);
+        let is_on_chord =
+            || self.search.is_on_chord[vertex as usize] && -self.group.most <= distance && distance < 0.0;
+        let is_on = distance.abs() <= self.near;
+        (self.group.round.distance_from_axis(at) > self.near && (is_on || is_on_chord())).then_some(is_on)
+    }
+
+    /// Whether the facet of a triangle is, but for small triangles in its plane, as those at the beginning of a fillet. Vertices on
+    /// chords are between others round the axis.
     fn is_on(&self, triangle: usize) -> bool {
-        let Self {
-            search: Search { mesh, facets, is_on_chord, .. },
-            group: Group { round, most, .. },
-            near,
-            ..
-        } = self;
-        let normal = facets.with(triangle).next().map(|largest| facet_normal(mesh.corners(largest).0));
-        let around = round.axis().cross(&normal.unwrap_or_else(Vector3::zeros));
+        let Self { search: Search { mesh, facets, .. }, group: Group { round, most, .. }, .. } = self;
+        let area = |triangle: usize| {
+            let [a, b, c] = mesh.corners(triangle).0;
+            (b - a).cross(&(c - a)).norm()
+        };
+        let largest = facets.with(triangle).next().unwrap_or(triangle);
+        let around = round.axis().cross(&facet_normal(mesh.corners(largest).0));
         let mut on = [f64::INFINITY, f64::NEG_INFINITY];
         let mut chords = on;
         for triangle in facets.with(triangle) {
             let corners = mesh.corners(triangle).0;
-            for (&vertex, point) in mesh.triangles[triangle].iter().zip(&corners) {
-                let distance = round.distance(point);
-                if round.distance_from_axis(point) <= *near {
-                    return false;
+            let places = mesh.triangles[triangle].map(|vertex| self.place(vertex));
+            if places.contains(&None) {
+                if triangle != largest && area(triangle) < SMALL * area(largest) {
+                    continue;
                 }
-                let range = if distance.abs() <= *near {
-                    &mut on
-                } else if is_on_chord[vertex as usize] && -most <= distance && distance < 0.0 {
-                    &mut chords
-                } else {
-                    return false;
-                };
+                return false;
+            }
+            for (place, point) in places.iter().zip(&corners) {
+                let range = if *place == Some(true) { &mut on } else { &mut chords };
                 let at = around.dot(&point.coords);
                 *range = [range[0].min(at), range[1].max(at)];
             }
             let leans = facet_normal(corners).dot(&round.ruling(&corners[0])).abs() >= LEAN;
-            if bulge_on(mesh, round, triangle) > *most || leans && sliver_side(corners).is_none() {
+            let leaves = bulge_on(mesh, round, triangle) > *most && facets.with(triangle).nth(1).is_some();
+            if leaves || leans && sliver_side(corners).is_none() {
                 return false;
             }
         }
@@ -871,6 +904,46 @@ mod tests {
             }
             let radius = rings.iter().map(|ring| ring.0).fold(0.0, f64::max);
             assert_upright(&smooth(positions, triangles), radius, 48, name);
+        }
+    }
+
+    /// A cylinder of a radius about the z axis that spans 0.5 rad, in facets of a width, mm, from rim to rim. The rims run up and down, their
+    /// vertices do not face each other, and rows of a fillet begin at them. Every fourth facet is so much wider.
+    fn between_free_rims(radius: f64, facet: f64, wider: f64) -> SmoothMesh {
+        let count = (0.5 * radius / facet) as u32;
+        let angle = |step: f64| 0.5 * step / f64::from(count);
+        let rim = |side: f64, step: f64| {
+            let angle = angle(step);
+            // Not an ellipse: on one, a cylinder of another radius with bent lines would have the same rim.
+            side * (9.0 + 3.0 * (16.0 * angle).sin() + 12.0 * angle)
+        };
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for (row, side) in [(2, -1.0), (1, -1.0), (0, -1.0), (0, 1.0), (1, 1.0), (2, 1.0)] {
+            for step in 0..=count {
+                // The far rim is cut elsewhere.
+                let inner = step > 0 && step < count && side > 0.0;
+                let widened = if step % 4 == 2 && step < count { wider } else { 0.0 };
+                let step = f64::from(step) + widened + if inner { 0.3 * (1.0 - wider) } else { 0.0 };
+                let turn = 0.2 * f64::from(row);
+                let from_axis = radius - 2.0 * (1.0 - f64::cos(turn));
+                let z = rim(side, step) + side * 2.0 * turn.sin();
+                positions.push(Point3::new(from_axis * angle(step).cos(), from_axis * angle(step).sin(), z));
+            }
+        }
+        for low in (0..5).flat_map(|row| (0..count).map(move |step| row * (count + 1) + step)) {
+            let high = low + count + 1;
+            triangles.extend([[low, low + 1, high + 1], [low, high + 1, high]]);
+        }
+        smooth(positions, triangles)
+    }
+
+    #[test]
+    fn a_face_with_a_free_outline_is_a_cylinder() {
+        for (radius, facet, wider, count) in
+            [(40.0, 2.0, 0.0, 20), (150.0, 0.8, 0.0, 186), (60.0, 1.5, 0.75, 40)]
+        {
+            let name = format!("radius {radius}");
+            assert_upright(&between_free_rims(radius, facet, wider), radius, count, &name);
         }
     }
 

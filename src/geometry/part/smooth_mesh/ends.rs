@@ -43,6 +43,10 @@ const GENTLE: f64 = 0.25;
 const OF_ARC: f64 = 0.25;
 /// First vertices beyond a rim are on one arc where their radii differ by less than this share.
 const SAME_ARC: f64 = 0.01;
+/// Vertices show an arc that puts them off by so many times what they may be, root mean square. They need not show an arc that leans
+/// by less than the second at its ends, rad.
+const SHOWN: f64 = 2.0;
+const SHOWN_SLOPE: f64 = 2e-3;
 /// Lines are straight if an arc that vertices do not show along the surface has at least so many times the radius of those across it.
 /// Others may be a few rings of the fine profile of a turned part.
 const STRAIGHTER: f64 = 50.0;
@@ -88,6 +92,12 @@ pub(super) trait Straight: Surface {
 
     /// How far a point beyond a side of the group is from it, mm, 0 or more.
     fn distance(&self, side: usize, at: &Point3<f64>) -> f64;
+
+    /// How far its vertices would be from any of straight lines, root mean square, mm, if its lines were arcs of a curvature, rad/mm,
+    /// instead; 0 where that is not known.
+    fn shown_bend(&self, _curvature: f64) -> f64 {
+        0.0
+    }
 
     /// How far it may be off at a side of the group, mm, where its vertices do not show it better.
     fn doubt(&self, _side: usize) -> f64 {
@@ -209,6 +219,13 @@ impl<'a> Surroundings<'a> {
         let curvature = self.largest_curvature(surface);
         if own * own * curvature < 8.0 * STRAIGHTER * self.near {
             return false;
+        }
+        // Ends that run along the lines, too, or rows of vertices between them, unless more facets are of the surface.
+        let apex = |beyond: usize| self.mesh.corners(beyond / 3).0[(beyond % 3 + 2) % 3];
+        let is_whole =
+            || ends.iter().all(|&(side, beyond)| surface.distance(side, &apex(beyond)) > self.near);
+        if surface.shown_bend(2.0 * SHOWN_SLOPE / own) > SHOWN * self.near && is_whole() {
+            return true;
         }
         let across = Across { bulge, turn: (8.0 * bulge * curvature).sqrt() };
         // For each rim the sides with what follows them.

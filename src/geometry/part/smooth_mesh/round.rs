@@ -144,6 +144,29 @@ impl Round {
         }
     }
 
+    /// How far its points would be from any cylinder or cone, root mean square, mm, if its lines were arcs of a curvature, rad/mm,
+    /// instead.
+    pub(super) fn shown_bend(&self, points: &[Point3<f64>], curvature: f64) -> f64 {
+        let middle = points.iter().map(|point| self.along(point)).sum::<f64>() / points.len().max(1) as f64;
+        let from_middle = |point: &Point3<f64>| self.along(point) - middle;
+        let sag = |point: &Point3<f64>| curvature * from_middle(point).powi(2) / 2.0;
+        match self {
+            Self::Cylinder(cylinder) => {
+                // A cylinder becomes a cone by moving each point by as many mm as it is along.
+                let distance_of = cylinder.distances_and_derivatives();
+                let derivatives = |point: &Point3<f64>| {
+                    let [x, y, turn, other_turn, radius] = distance_of(point).1;
+                    [x, y, turn, other_turn, radius, from_middle(point)]
+                };
+                shape_fit::left_after_fit(points, derivatives, sag)
+            }
+            Self::Cone(cone) => {
+                let distance_of = cone.distances_and_derivatives();
+                shape_fit::left_after_fit(points, |point| distance_of(point).1, sag)
+            }
+        }
+    }
+
     /// How far along its line a point is, mm.
     pub(super) fn along(&self, at: &Point3<f64>) -> f64 {
         match self {
