@@ -47,27 +47,27 @@ where
     shape
 }
 
-/// How far points on a shape would be from all of its kind, root mean square, mm, if each was moved by as many mm along the shape's
-/// normal: by what no small change of the parameters does. 0 if the points do not define the shape. `derivatives_at` returns the
-/// derivatives of a point's distance from the shape by its parameters.
-pub(crate) fn left_after_fit<const PARAMETERS: usize>(
+/// What is left of movements of points along the normals of a shape, mm, where the shape is fitted to them again: the mean products of
+/// what no small change of its parameters does. 0 if the points do not define the shape. `derivatives_at` returns the derivatives of
+/// a point's distance from the shape by its parameters.
+pub(crate) fn left_after_fit<const PARAMETERS: usize, const MOVEMENTS: usize>(
     points: &[Point3<f64>],
     derivatives_at: impl Fn(&Point3<f64>) -> [f64; PARAMETERS],
-    moved_by: impl Fn(&Point3<f64>) -> f64,
-) -> f64 {
+    movements_at: impl Fn(&Point3<f64>) -> [f64; MOVEMENTS],
+) -> SMatrix<f64, MOVEMENTS, MOVEMENTS> {
     let mut matrix = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
-    let mut right = SVector::<f64, PARAMETERS>::zeros();
-    let rows = || {
-        points.iter().map(|point| (SVector::<f64, PARAMETERS>::from(derivatives_at(point)), moved_by(point)))
-    };
-    for (derivatives, moved) in rows() {
+    let mut right = SMatrix::<f64, PARAMETERS, MOVEMENTS>::zeros();
+    let mut all = SMatrix::<f64, MOVEMENTS, MOVEMENTS>::zeros();
+    for point in points {
+        let derivatives = SVector::<f64, PARAMETERS>::from(derivatives_at(point));
+        let movements = SVector::<f64, MOVEMENTS>::from(movements_at(point));
         matrix += derivatives * derivatives.transpose();
-        right += derivatives * moved;
+        right += derivatives * movements.transpose();
+        all += movements * movements.transpose();
     }
-    let Some(factor) = matrix.cholesky() else { return 0.0 };
-    let step = factor.solve(&right);
-    let sum: f64 = rows().map(|(derivatives, moved)| (moved - derivatives.dot(&step)).powi(2)).sum();
-    if sum.is_finite() { (sum / points.len().max(1) as f64).sqrt() } else { 0.0 }
+    let Some(factor) = matrix.cholesky() else { return SMatrix::zeros() };
+    let left = (all - right.transpose() * factor.solve(&right)) / points.len().max(1) as f64;
+    if left.iter().all(|value| value.is_finite()) { left } else { SMatrix::zeros() }
 }
 
 /// Two unit vectors perpendicular to `axis` and to each other.

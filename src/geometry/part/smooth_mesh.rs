@@ -6,6 +6,7 @@ mod chains;
 mod creases;
 mod cylinders;
 mod ends;
+mod free_outlines;
 mod hidden_arcs;
 mod joining;
 mod long_sides;

@@ -57,6 +57,8 @@ const MOST_TRIANGLES: usize = 300_000;
 /// Facets on a cylinder leave it by at most so many times as far as those in the middle of the first ones. A flat side between two
 /// lines of it, and the end of a can, have their vertices on it, too.
 const FLAT: f64 = 2.5;
+/// Single triangles with their vertices on it may leave it farther, and then facets that leave it as far, but for this share, are on it.
+const SAME_BULGE: f64 = 0.01;
 /// The normals of facets on a cylinder lean along its lines by at most this, rad: by a few hundredths where its rims are cut
 /// differently, by more beside a hole.
 const LEAN: f64 = 0.6;
@@ -391,7 +393,9 @@ impl Search<'_> {
                 self.visits = self.visits.saturating_sub(triangles.len());
                 let points = self.some_points(&triangles, Some(&group.round));
                 let round = group.round.fitted(&points);
-                let next = Group { round, triangles: Vec::new(), ..group };
+                let bulges = triangles.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle));
+                let most = bulges.map(|bulge| bulge * (1.0 + SAME_BULGE)).fold(group.most, f64::max);
+                let next = Group { round, most, triangles: Vec::new(), ..group };
                 let mut facets_on = FacetsOn::of(self, &next, self.near, &mut seen.facets);
                 triangles.retain(|&triangle| facets_on.has(triangle));
                 if triangles.len() <= group.triangles.len() {

@@ -21,6 +21,8 @@ const OF_BULGE: f64 = 0.5;
 const LEAN: f64 = 0.2;
 /// Points nearer than this share of a chord are one.
 const SAME_POINT: f64 = 0.02;
+/// Points of vertices that do not face each other are one where they are nearer than this share of the mean chord.
+const OF_MEAN_CHORD: f64 = 0.3;
 /// A curve has so many points, at least.
 const LEAST_POINTS: usize = 4;
 /// Chords beside those at a vertex on which others are looked for.
@@ -383,6 +385,48 @@ impl<'a> CurveStrip<'a> {
         };
         let (curve, places) = of_rims.into_iter().chain(of_all).fold(of_columns, better);
         Some(Self { mesh, curve, triangles: found, places })
+    }
+
+    /// The strip of some triangles, in ascending order, with the curve through all their vertices, which are given in its order across
+    /// an axis; `None` if there are too few.
+    pub(super) fn of_all(
+        mesh: &'a SmoothMesh,
+        axis: Vector3<f64>,
+        triangles: &[usize],
+        vertices: &[u32],
+    ) -> Option<Self> {
+        let flat = |vertex: u32| {
+            let at = mesh.positions[vertex as usize];
+            at - axis * at.coords.dot(&axis)
+        };
+        let all: Vec<Point3<f64>> = vertices.iter().map(|&vertex| flat(vertex)).collect();
+        let length: f64 = all.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
+        let apart = OF_MEAN_CHORD * length / all.len().max(1) as f64;
+        // Those that nearly coincide are one, in their middle.
+        let mut points: Vec<Vec<Point3<f64>>> = Vec::new();
+        let mut point_of = Vec::new();
+        for point in all {
+            match points.last_mut() {
+                Some(same) if (point - same[0]).norm() < apart => same.push(point),
+                _ => points.push(vec![point]),
+            }
+            point_of.push(points.len() - 1);
+        }
+        let middle = |same: Vec<Point3<f64>>| {
+            let sum: Vector3<f64> = same.iter().map(|point| point.coords).sum();
+            Point3::from(sum / same.len() as f64)
+        };
+        let points: Vec<Point3<f64>> = points.into_iter().map(middle).collect();
+        if points.len() < LEAST_POINTS {
+            return None;
+        }
+        let curve = PlaneCurve::through(points, axis, false);
+        let place = |(&vertex, &point): (&u32, &usize)| {
+            Some((vertex, curve.nearest([point as f64].into_iter(), &flat(vertex))?))
+        };
+        let places: Option<BTreeMap<u32, Place>> = vertices.iter().zip(&point_of).map(place).collect();
+        let (curve, places) = curve.doubted(places?);
+        Some(Self { mesh, curve, triangles: triangles.to_vec(), places })
     }
 
     /// The vertices, in ascending order, with their normals.

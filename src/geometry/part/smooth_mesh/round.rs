@@ -1,6 +1,6 @@
 //! A cylinder or a cone that the vertices of facets show.
 
-use nalgebra::{Matrix3, Point3, Unit, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point3, Unit, Vector2, Vector3};
 
 use crate::geometry::cone::Cone;
 use crate::geometry::cylinder::Cylinder;
@@ -145,12 +145,23 @@ impl Round {
     }
 
     /// How far its points would be from any cylinder or cone, root mean square, mm, if its lines were arcs of a curvature, rad/mm,
-    /// instead.
+    /// instead: those of a barrel, or all of them bent one way, as along a ring; whichever the points show less. A bend is
+    /// measured along the normals.
     pub(super) fn shown_bend(&self, points: &[Point3<f64>], curvature: f64) -> f64 {
-        let middle = points.iter().map(|point| self.along(point)).sum::<f64>() / points.len().max(1) as f64;
+        let count = points.len().max(1) as f64;
+        let middle = points.iter().map(|point| self.along(point)).sum::<f64>() / count;
         let from_middle = |point: &Point3<f64>| self.along(point) - middle;
-        let sag = |point: &Point3<f64>| curvature * from_middle(point).powi(2) / 2.0;
-        match self {
+        let (first, second) = cross_directions(&self.axis());
+        let normal = |point: &Point3<f64>| {
+            let outward = self.outward(point);
+            Vector2::new(outward.dot(&first), outward.dot(&second))
+        };
+        let bends = |point: &Point3<f64>| {
+            let sag = curvature * from_middle(point).powi(2) / 2.0;
+            let normal = normal(point);
+            [sag, sag * normal.x, sag * normal.y]
+        };
+        let left = match self {
             Self::Cylinder(cylinder) => {
                 // A cylinder becomes a cone by moving each point by as many mm as it is along.
                 let distance_of = cylinder.distances_and_derivatives();
@@ -158,13 +169,22 @@ impl Round {
                     let [x, y, turn, other_turn, radius] = distance_of(point).1;
                     [x, y, turn, other_turn, radius, from_middle(point)]
                 };
-                shape_fit::left_after_fit(points, derivatives, sag)
+                shape_fit::left_after_fit(points, derivatives, bends)
             }
             Self::Cone(cone) => {
                 let distance_of = cone.distances_and_derivatives();
-                shape_fit::left_after_fit(points, |point| distance_of(point).1, sag)
+                shape_fit::left_after_fit(points, |point| distance_of(point).1, bends)
             }
-        }
+        };
+        // Of a bend one way, what it moves the points by in the root mean square counts.
+        let moved = points.iter().map(normal).map(|normal| normal * normal.transpose());
+        let moved = moved.sum::<Matrix2<f64>>() / count;
+        let one_way = left.fixed_view::<2, 2>(1, 1).into_owned();
+        let least = moved.cholesky().map_or(0.0, |factor| {
+            let half = factor.l().try_inverse().unwrap_or_else(Matrix2::zeros);
+            (half * one_way * half.transpose()).symmetric_eigenvalues().min()
+        });
+        least.min(left[(0, 0)]).max(0.0).sqrt()
     }
 
     /// How far along its line a point is, mm.

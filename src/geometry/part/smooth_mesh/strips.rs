@@ -10,6 +10,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::ends::{Straight, Surface, Surroundings, precision};
+use super::free_outlines;
 use super::hidden_arcs::HiddenArc;
 use super::plane_curve::CurveStrip;
 use super::settling::Settling;
@@ -162,6 +163,15 @@ fn certain_strips(
             true
         },
     );
+    let is_open = |triangle: usize| is_round.get(triangle) != Some(&true) && is_estimated(triangle);
+    let mut is_open: Vec<bool> = (0..count).map(is_open).collect();
+    strips.iter().flat_map(|strip| &strip.triangles).for_each(|&triangle| is_open[triangle] = false);
+    for (strip, axis, doubt) in free_outlines::found(mesh, &is_open, precision(mesh)) {
+        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, precision(mesh), fork));
+        let mut settled = Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden);
+        settled.doubts.iter_mut().for_each(|own| *own = own.hypot(doubt));
+        strips.push(settled);
+    }
     strips
 }
 
