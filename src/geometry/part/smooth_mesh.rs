@@ -158,6 +158,18 @@ impl SmoothMesh {
         [side % 3, (side % 3 + 1) % 3].map(|corner| self.positions[corners[corner] as usize])
     }
 
+    /// The longest side of a triangle, mm, if it is so many times as long as another.
+    fn long_side(&self, triangle: usize, times: f64) -> Option<Vector3<f64>> {
+        let sides = [0, 1, 2].map(|side| {
+            let [from, to] = self.ends(3 * triangle + side);
+            to - from
+        });
+        let by_length = |one: &Vector3<f64>, other: &Vector3<f64>| one.norm().total_cmp(&other.norm());
+        let longest = sides.into_iter().max_by(by_length)?;
+        let shortest = sides.into_iter().min_by(by_length)?;
+        (longest.norm() > times * shortest.norm()).then_some(longest)
+    }
+
     /// Visits the vertices at the ends of each side; a side that another one continues only once.
     fn for_each_edge(&self, mut visit: impl FnMut([u32; 2])) {
         for (triangle, corners) in self.triangles.iter().enumerate() {

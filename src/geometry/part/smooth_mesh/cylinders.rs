@@ -30,7 +30,7 @@ const LEAST_BULGE: f64 = 50.0;
 /// … but not at the ends of long facets, of which one side is so many times as long as another: of those, this is enough.
 const LONG: f64 = 4.0;
 const LEAST_BULGE_OF_LONG: f64 = 10.0;
-/// Long facets may be finer by this share where so many on either side of the first are on one cylinder.
+/// Long facets may leave it by only this share of that where so many on either side of the first are on one cylinder.
 const FINER: f64 = 0.1;
 const REACH_OF_FINER: usize = 16;
 /// Half of the facets of a cylinder's strip leave it by that; where the estimated normals let one leave by less than this share of
@@ -185,7 +185,7 @@ fn certain_groups(
     };
     let mut seeds: Vec<(usize, f64)> = found(fork, mesh.triangles.len(), |triangle| {
         let bulge = if is_open(triangle) { mesh.bulge(triangle) } else { return None };
-        let share = if mesh.is_long(triangle) { FINER } else { 1.0 };
+        let share = if mesh.long_side(triangle, LONG).is_some() { FINER } else { 1.0 };
         (bulge >= ESTIMATED * share * mesh.least_bulge(triangle, near)).then_some((triangle, bulge))
     });
     if seeds.is_empty() {
@@ -227,18 +227,7 @@ fn certain_groups(
 impl SmoothMesh {
     /// How far the facets round a triangle must leave the cylinder on which they are, mm, if vertices may be off by `near`, mm.
     fn least_bulge(&self, triangle: usize, near: f64) -> f64 {
-        near * if self.is_long(triangle) { LEAST_BULGE_OF_LONG } else { LEAST_BULGE }
-    }
-
-    fn is_long(&self, triangle: usize) -> bool {
-        let lengths = [0, 1, 2].map(|side| {
-            let [from, to] = self.ends(3 * triangle + side);
-            (to - from).norm()
-        });
-        let [shortest, longest] = lengths
-            .into_iter()
-            .fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)]);
-        longest > LONG * shortest
+        near * if self.long_side(triangle, LONG).is_some() { LEAST_BULGE_OF_LONG } else { LEAST_BULGE }
     }
 
     /// Whether the facets of a group face its axis.
@@ -371,7 +360,8 @@ impl Search<'_> {
     /// What the strips across the sides of a triangle show.
     fn shown_at(&self, triangle: usize) -> Vec<Shown> {
         let least_bulge = self.mesh.least_bulge(triangle, self.near);
-        let finer = self.mesh.is_long(triangle).then_some((REACH_OF_FINER, FINER * least_bulge));
+        let long = self.mesh.long_side(triangle, LONG);
+        let finer = long.map(|_| (REACH_OF_FINER, FINER * least_bulge));
         let reaches = REACHES.into_iter().map(|reach| (reach, least_bulge)).chain(finer);
         let tries = reaches.flat_map(|reach| [0, 1, 2].map(|side| (reach, side)));
         let shown = |((reach, least_bulge), side)| {

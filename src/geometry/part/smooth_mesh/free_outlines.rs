@@ -63,7 +63,7 @@ pub(super) fn found<'a>(
     let mut is_seen: Vec<bool> = is_open.iter().map(|is_open| !is_open).collect();
     let open = (0..is_seen.len()).filter(|&triangle| !is_seen[triangle]);
     let mut seeds: Vec<(usize, f64)> =
-        open.filter_map(|triangle| Some((triangle, long_side(mesh, triangle, LONG)?.norm()))).collect();
+        open.filter_map(|triangle| Some((triangle, mesh.long_side(triangle, LONG)?.norm()))).collect();
     seeds.sort_by(|(_, one), (_, other)| other.total_cmp(one));
     let mut faces = Vec::new();
     for (seed, _) in seeds {
@@ -80,18 +80,6 @@ pub(super) fn found<'a>(
     faces
 }
 
-/// The longest side of a triangle, mm, if it is so many times as long as another.
-fn long_side(mesh: &SmoothMesh, triangle: usize, times: f64) -> Option<Vector3<f64>> {
-    let sides = [0, 1, 2].map(|side| {
-        let [from, to] = mesh.ends(3 * triangle + side);
-        to - from
-    });
-    let by_length = |one: &Vector3<f64>, other: &Vector3<f64>| one.norm().total_cmp(&other.norm());
-    let longest = sides.into_iter().max_by(by_length)?;
-    let shortest = sides.into_iter().min_by(by_length)?;
-    (longest.norm() > times * shortest.norm()).then_some(longest)
-}
-
 /// The angle between two triangles that meet at a side, rad, and that for each mm of their mean width.
 fn bend(mesh: &SmoothMesh, side: usize, other: usize) -> (f64, f64) {
     let [one, two] = [side, other].map(|side| mesh.corners(side / 3).0);
@@ -101,7 +89,7 @@ fn bend(mesh: &SmoothMesh, side: usize, other: usize) -> (f64, f64) {
 
 /// The long triangles that continue one across their long sides and run and bend as it does, in ascending order.
 fn grown(mesh: &SmoothMesh, seed: usize, is_seen: &mut [bool]) -> Vec<usize> {
-    let first = long_side(mesh, seed, LONG).unwrap_or_else(Vector3::zeros);
+    let first = mesh.long_side(seed, LONG).unwrap_or_else(Vector3::zeros);
     let runs_along = |side: Vector3<f64>| side.cross(&first).norm() < ASKEW * side.norm() * first.norm();
     let beyond = |side: usize| {
         let [from, to] = mesh.ends(side);
@@ -122,7 +110,7 @@ fn grown(mesh: &SmoothMesh, seed: usize, is_seen: &mut [bool]) -> Vec<usize> {
             if turn > MOST_TURN || turn > NOTABLE_TURN && bend > MORE_BENT * most {
                 continue;
             }
-            let long = long_side(mesh, other / 3, LONG_AT_END);
+            let long = mesh.long_side(other / 3, LONG_AT_END);
             if long.is_some_and(|long| runs_along(long) && SHORTER * long.norm() > first.norm()) {
                 is_seen[other / 3] = true;
                 found.push(other / 3);

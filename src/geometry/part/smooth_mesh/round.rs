@@ -292,4 +292,21 @@ mod tests {
         }
         assert!(4 * excluded > 3 * all, "{excluded} of {all}");
     }
+
+    #[test]
+    fn a_bend_is_shown_by_points_between_the_ends_that_it_moves() {
+        let cylinder = Cylinder { center: Point3::origin(), axis: Vector3::z_axis(), radius: 3.0 };
+        let at = |degrees: f64, z: f64| {
+            let angle = degrees.to_radians();
+            Point3::new(3.0 * angle.cos(), 3.0 * angle.sin(), z)
+        };
+        // A quarter of a fillet along a ring: where it meets the plane of the ring, a bend does not move its points.
+        let ends = (0..=6).flat_map(|step| [-3.0, 3.0].map(|z| at(15.0 * f64::from(step), z)));
+        let mut points: Vec<Point3<f64>> = ends.chain([-1.0, 0.0, 1.0].map(|z| at(90.0, z))).collect();
+        let shown = |points: &[Point3<f64>]| Round::Cylinder(cylinder).shown_bend(points, 0.01);
+        assert!(shown(&points) < 1e-9, "{}", shown(&points));
+        // By 0.045 mm.
+        points.extend([-1.0, 0.0, 1.0].map(|z| at(0.0, z)));
+        assert!(shown(&points) > 5e-3, "{}", shown(&points));
+    }
 }
