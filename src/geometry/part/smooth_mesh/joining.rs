@@ -110,7 +110,7 @@ impl SmoothMesh {
     /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; where arcs
     /// of different radii meet, those that the arcs lead to (`arcs`); at right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
     /// in its fillet, those that the narrow ones lead to (`flats`). The sides of cylinders and extruded strips are estimated without what is
-    /// beyond their ends (`cylinders`, `strips`, `plane_curve`); those of balls follow from all their vertices (`spheres`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    /// beyond their ends (`cylinders`, `strips`, `plane_curve`, `free_outlines`); those of balls follow from all their vertices (`spheres`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         Self::with_fork(mesh, view, &InTurn)
