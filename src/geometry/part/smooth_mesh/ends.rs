@@ -185,7 +185,7 @@ impl End {
 }
 
 /// The least and the largest of some values.
-fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+pub(super) fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
 }
 
@@ -224,7 +224,7 @@ impl<'a> Surroundings<'a> {
         let apex = |beyond: usize| self.mesh.corners(beyond / 3).0[(beyond % 3 + 2) % 3];
         let is_whole =
             || ends.iter().all(|&(side, beyond)| surface.distance(side, &apex(beyond)) > self.near);
-        if surface.shown_bend(2.0 * SHOWN_SLOPE / own) > SHOWN * self.near && is_whole() {
+        if is_whole() && surface.shown_bend(2.0 * SHOWN_SLOPE / own) > SHOWN * self.near {
             return true;
         }
         let across = Across { bulge, turn: (8.0 * bulge * curvature).sqrt() };

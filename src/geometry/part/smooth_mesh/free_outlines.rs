@@ -6,8 +6,9 @@
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 
 use super::SmoothMesh;
-use super::ends::Surface;
+use super::ends::{Surface, range};
 use super::plane_curve::CurveStrip;
+use super::round::principal;
 use crate::geometry::adjacency::{NONE, facet_normal, width};
 
 /// One side of a facet from rim to rim is so many times as long as another; of those towards the end of an outline, the second.
@@ -186,14 +187,11 @@ impl<'a> Face<'a> {
             spread += normal * normal.transpose() * across.norm();
             area += across.norm();
         }
-        let eigen = (spread / area).symmetric_eigen();
-        let mut order = [0, 1, 2];
-        order.sort_by(|&one, &other| eigen.eigenvalues[one].total_cmp(&eigen.eigenvalues[other]));
-        let [off, turn] = [order[0], order[1]].map(|index| eigen.eigenvalues[index].max(0.0).sqrt());
+        let ([off, turn, _], axis) = principal(spread / area, LEAVES)?;
         if turn < LEAST_TURN || off > LEAVES * turn {
             return None;
         }
-        self.axis = eigen.eigenvectors.column(order[0]).into_owned();
+        self.axis = *axis;
         self.vertices = triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]).collect();
         self.vertices.sort_unstable();
         self.vertices.dedup();
@@ -220,8 +218,7 @@ impl<'a> Face<'a> {
     }
 
     fn range_along(&self, is_chosen: impl Fn(f64) -> bool) -> [f64; 2] {
-        let along = self.vertices.iter().map(|&vertex| self.along(vertex)).filter(|along| is_chosen(*along));
-        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], along| [low.min(along), high.max(along)])
+        range(self.vertices.iter().map(|&vertex| self.along(vertex)).filter(|along| is_chosen(*along)))
     }
 
     /// Orders the vertices so that the curve's outside is that of the facets, of which the middle is given.
@@ -233,9 +230,9 @@ impl<'a> Face<'a> {
         self.vertices = places.into_iter().map(|(_, vertex)| vertex).collect();
     }
 
-    /// For each vertex how far it is from where the cubic through those beside it is, seen along the axis, mm, and by how much that grows
-    /// with each turn of the axis towards the end of the curve and away from the part; as shares of the sum of the squares of what
-    /// each of them counts.
+    /// For each vertex how far it is from where the cubic through those beside it is, seen along the axis, mm, and by how much a turn of
+    /// the axis reduces that, mm/rad: towards the end of the curve, and away from the part. Both are divided by the root of the sum of
+    /// the squares of what the vertices count there.
     fn offs(&self) -> Vec<(u32, f64, Vector2<f64>)> {
         let points = self.points();
         let mut places = vec![0.0; points.len()];
@@ -349,8 +346,8 @@ impl<'a> Face<'a> {
         unlike <= UNLIKE * rim
     }
 
-    /// How far the slope of arcs may be off that leave the facets farther than those across the face, rad, root mean square: rims that are
-    /// alike on both sides do not show these.
+    /// How far the slope may be off, rad, root mean square, if the rulings are arcs that leave the facets farther than the curve across
+    /// them: where both rims are alike, they do not show these.
     fn hidden_slope(&self, bulge: f64) -> f32 {
         (4.0 * FARTHER * bulge / self.own / 3f64.sqrt()) as f32
     }

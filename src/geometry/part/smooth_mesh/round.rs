@@ -203,7 +203,7 @@ impl Round {
 /// that the first is more than this share of the second.
 ///
 /// For eigenvalues a = r·b ≤ b ≤ c, ab + bc + ca is at least (1 + r)·bc, and so abc·(a + b + c) at most 1 − (1 + r)⁻² times its square.
-fn principal(spread: Matrix3<f64>, share: f64) -> Option<([f64; 3], Unit<Vector3<f64>>)> {
+pub(super) fn principal(spread: Matrix3<f64>, share: f64) -> Option<([f64; 3], Unit<Vector3<f64>>)> {
     let minor = |one: usize, two: usize| {
         spread[(one, one)] * spread[(two, two)] - spread[(one, two)] * spread[(two, one)]
     };
