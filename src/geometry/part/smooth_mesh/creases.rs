@@ -2,14 +2,15 @@
 //!
 //! A step between two facets of a curved face comes with steps of the same kind before and after it. An edge of the part
 //! stands alone, as a ridge between two flat sides or the mitre of two fillets does. A section through the facets at right
-//! angles to the step shows it: its corner at the step is compared with the next ones on both sides.
+//! angles to the step shows it: its corner at the step is compared with the next ones on both sides. One that turns back what the step
+//! turns explains it only as far as two arcs would, of which the tessellation has no more than a chord each.
 
 use std::f64::consts::PI;
 
 use nalgebra::{Point3, Vector3};
 
 use super::sections::{Facets, turn};
-use crate::geometry::adjacency::{NONE, facet_normal};
+use crate::geometry::adjacency::{NONE, facet_normal, width};
 use crate::geometry::fork::{Fork, mapped};
 
 /// A step stands out where it turns by so many times what the steps beside it explain, and by [`LEAST`] more.
@@ -43,6 +44,15 @@ const EQUAL: f64 = 1.05;
 const STRIP: f64 = 0.75;
 /// A turn by less than this, rad, may be rounding in any file.
 const LEAST_CORNER: f64 = 2e-3;
+/// A smooth curve turns to and fro at the ends of a straight row of facets by less than this, rad: its two arcs would have a chord
+/// each, which leans by half of what the arc turns, 45° at most.
+const MOST_OF_SWAY: f64 = 22.5 * PI / 180.0;
+/// The same where nothing is cut between the ends, as two arcs would be.
+const MOST_OF_SINGLE_SWAY: f64 = 15.0 * PI / 180.0;
+/// The facets of one row are at least so high, as a share of the way to the next corner.
+const OF_ROW: f64 = 0.9;
+/// The width of a row changes along a step by less than this share.
+const OF_WIDTH: f64 = 0.3;
 /// A corner of the section that turns by less than this share of the step is none.
 const NO_CORNER: f64 = 0.25;
 /// Where along a step the sections run besides its middle.
@@ -80,13 +90,17 @@ struct Measured {
     is_at_flat: bool,
 }
 
-/// The section on one side of a step up to its third corner: lengths between the corners, mm, and how far they turn, rad.
+/// The section on one side of a step up to its third corner: lengths between the corners, mm, and by what angles they turn, rad.
 struct Beside {
     lengths: [f64; 3],
     turns: [f64; 2],
     /// How many of the lengths are known.
     count: usize,
     goes_on: bool,
+    /// The height of the facet over the step, mm.
+    height: f64,
+    /// Whether the pieces before the first two corners are those of rows of facets: about equally wide all along them.
+    are_rows: [bool; 2],
 }
 
 /// Whether a step between facets of a curved surface, whose normals meet at a `cosine`, would matter; `side` is that of the
@@ -333,9 +347,13 @@ impl Steps<'_> {
         let start = from + (to - from) * share;
         let [one, other] = step.map(|side| self.first_piece(side, start, along));
         let (one, other) = (one?, other?);
-        let turned = turn(-one, other, along).abs();
-        let beside = step.map(|side| self.beside(side, start, along, turned * NO_CORNER));
-        let known = beside.each_ref().map(Beside::explains);
+        let turned = turn(-one, other, along);
+        let beside = step.map(|side| self.beside(side, start, along, turned.abs() * NO_CORNER));
+        // The section runs away from the step on both sides.
+        let known = [0, 1].map(|side| {
+            let ahead = if side == 0 { -turned } else { turned };
+            if beside[side].turns_back(ahead) { Some(0.0) } else { beside[side].explains() }
+        });
         // What nothing is known of is like the other side.
         let like = |side: usize| {
             let lengths = [side, 1 - side].map(|side| beside[side].lengths[0]);
@@ -344,7 +362,7 @@ impl Steps<'_> {
         let explained = [0, 1].map(|side| known[side].unwrap_or_else(|| like(side)));
         let height = (one.norm() + other.norm()) / 2.0;
         Some(Measured {
-            turn: turned,
+            turn: turned.abs(),
             explained: explained[0] + explained[1],
             height,
             is_alone: known == [None; 2],
@@ -364,12 +382,23 @@ impl Steps<'_> {
     /// The section from a step on; what turns by less than `least` is no corner, rad.
     fn beside(&self, side: u32, start: Point3<f64>, across: Vector3<f64>, least: f64) -> Beside {
         let (mut lengths, mut turns, mut count) = ([0.0; 3], [0.0; 2], 0);
-        let mut last: Option<Vector3<f64>> = None;
-        let goes_on = self.facets.section_from(side as usize, start, across, |_, piece| {
-            let turned = last.replace(piece).map_or(f64::INFINITY, |last| turn(last, piece, across).abs());
-            if !(turned <= least) {
+        let [from, to] = self.facets.ends(side as usize);
+        let (mut edge, mut are_rows) = (to - from, [false; 2]);
+        let mut last: Option<(usize, Vector3<f64>)> = None;
+        let goes_on = self.facets.section_from(side as usize, start, across, |triangle, piece| {
+            let before = last.replace((triangle, piece));
+            let turned = before.map_or(f64::INFINITY, |(_, last)| turn(last, piece, across));
+            if !(turned.abs() <= least) {
                 if count == lengths.len() {
                     return false;
+                }
+                if let Some((before, _)) = before
+                    && let Some(is_row) = are_rows.get_mut(count - 1)
+                {
+                    let next = self.edge_between(before, triangle).unwrap_or_else(Vector3::zeros);
+                    let change = edge.cross(&next).norm() / next.norm();
+                    *is_row = change < OF_WIDTH * lengths[count - 1];
+                    edge = next;
                 }
                 if count > 0 {
                     turns[count - 1] = turned;
@@ -379,7 +408,15 @@ impl Steps<'_> {
             lengths[count - 1] += piece.norm();
             true
         });
-        Beside { lengths, turns, count, goes_on }
+        let height = width(self.facets.corners(side as usize / 3), side as usize % 3);
+        Beside { lengths, turns, count, goes_on, height, are_rows }
+    }
+
+    /// The side of one triangle that another one continues, mm.
+    fn edge_between(&self, one: usize, other: usize) -> Option<Vector3<f64>> {
+        let continues = |side: &usize| self.facets.continued[*side] as usize / 3 == other;
+        let [from, to] = self.facets.ends((3 * one..3 * one + 3).find(continues)?);
+        Some(to - from)
     }
 }
 
@@ -405,11 +442,23 @@ impl Beside {
         first > longest * (LONGER * longest / shortest).min(UNEVEN)
     }
 
+    /// Whether the section turns back what the step `turned`, rad, after one row of facets, and goes on straight: two edges of a
+    /// sloping side between flatter ones.
+    fn turns_back(&self, turned: f64) -> bool {
+        let [back, far] = [-self.turns[0] * turned.signum(), self.turns[1].abs()];
+        let is_single = self.height > OF_ROW * self.lengths[0];
+        let most = if is_single { MOST_OF_SINGLE_SWAY } else { MOST_OF_SWAY };
+        let goes_straight_on = self.lengths[1] > UNEVEN * self.lengths[0] || back > STANDS_OUT * far;
+        self.are_rows[0] && goes_straight_on && back > 0.0 && back.max(turned.abs()) > most
+    }
+
     /// What the corners explain of the step at the section's start, rad: on a curve that is cut evenly half of the next one, and
     /// where lengths differ much the shorter piece is the curved one. `None` where the section ends before a corner.
     fn explains(&self) -> Option<f64> {
         let is_even = |one: f64, other: f64| one < UNEVEN * other && other < UNEVEN * one;
-        let ([first, second, third], [near, far]) = (self.lengths, self.turns);
+        let ([first, second, third], [near, far]) = (self.lengths, self.turns.map(f64::abs));
+        let is_swaying =
+            self.turns[0] * self.turns[1] < 0.0 && near.max(far) > MOST_OF_SWAY && self.are_rows[1];
         if self.count < 2 {
             return self.goes_on.then_some(0.0);
         }
@@ -422,6 +471,8 @@ impl Beside {
         };
         let explained = match of_second {
             _ if is_even(first, second) => near * (first / (first + second)).max(0.5),
+            // Both corners are of the second piece, to and fro.
+            Some(_) if first > second && is_swaying => 0.0,
             Some(of_second) => (near - of_second).max(0.0),
             None if first > second => 0.0,
             None => near,

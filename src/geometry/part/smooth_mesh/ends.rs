@@ -191,7 +191,7 @@ pub(super) fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
 
 /// The facets of a mesh round those of a surface.
 pub(super) struct Surroundings<'a> {
-    mesh: &'a SmoothMesh,
+    pub(super) mesh: &'a SmoothMesh,
     pub(super) facets: PlaneFacets,
     /// Vertices on a surface are this close to it, mm.
     pub(super) near: f64,

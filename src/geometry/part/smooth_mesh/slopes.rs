@@ -87,7 +87,8 @@ impl SmoothMesh {
     ///
     /// It is half the angle between the patch and its neighbours' at the middles of their common sides, that between the patch and
     /// the curve that crosses there, or what the part twists by there, together with the uneven leans of normals, or what the chords
-    /// of those that are `estimated` leave open, and the `deviations` of these, rad. `hidden` are the arcs that edges may be.
+    /// of those that are `estimated` leave open, and the `deviations` of these, rad. `hidden` are the arcs that edges
+    /// may be beside vertices that are estimated.
     pub(super) fn found_slope_doubts(
         &self,
         estimated: &[bool],
@@ -161,8 +162,10 @@ impl SmoothMesh {
         let of_bulging = mapped(fork, bulging.len(), |index| doubt(bulging[index], &beside[index]));
         let mut doubts = vec![0.0; self.triangles.len()];
         bulging.iter().zip(of_bulging).for_each(|(&triangle, doubt)| doubts[triangle] = doubt);
+        let is_open =
+            |triangle: usize| self.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
         for &HiddenArc { triangle, doubt, .. } in hidden {
-            if self.faces_laser(triangle) {
+            if self.faces_laser(triangle) && is_open(triangle) {
                 doubts[triangle] = doubts[triangle].max(doubt as f32);
             }
         }

@@ -2,7 +2,7 @@
 //!
 //! Two rows of vertices round an axis are on a sphere on many surfaces, but not all vertices that surround another one in two rows:
 //! where these are on one sphere, to within what files state of them, and so are others that can be reached from there, it is that of
-//! the part.
+//! the part. Of a small cap, some of them are at its rim.
 
 use nalgebra::{Matrix2, Matrix4, Point3, Vector2, Vector3, Vector4};
 
@@ -15,11 +15,17 @@ use crate::geometry::shape_fit::cross_directions;
 
 /// The vertices round a first one in two rows are at least so many, …
 const LEAST_VERTICES: usize = 12;
+/// … at so many distances from it where some of them are at a rim, as those of a small cap: a profile with its axis has a sphere through
+/// one more vertex, …
+const LEAST_ROWS: usize = 3;
+/// … which differ by more than this share, …
+const SAME_ROW: f64 = 0.05;
 /// … and leave their tangent plane by so many times what a vertex may be off.
 const LEAST_BULGE: f64 = 50.0;
 /// A sphere has so many facets, at least.
-const LEAST_TRIANGLES: usize = 24;
-/// Facets on a sphere leave it by at most so many times as far as those round a first vertex.
+const LEAST_TRIANGLES: usize = 16;
+/// Plane facets of more triangles, as flat sides are, leave a sphere by at most so many times as far as those round a first vertex.
+const FACET_TRIANGLES: usize = 2;
 const FLAT: f64 = 2.5;
 /// The normals of facets differ from that of the sphere by at most this, rad.
 const LEAN: f64 = 0.4;
@@ -194,22 +200,22 @@ fn balls(
 ) -> Vec<Found> {
     let near = precision(mesh);
     let neighbours = || Neighbours::of(&mesh.triangles, mesh.positions.len());
-    // Vertices that are not at the rim of anything, and a triangle of each vertex.
-    let insides = || {
-        let mut is_inside = is_open.to_vec();
+    // Which vertices are at the rim of anything, and a triangle of each vertex.
+    let rims = || {
+        let mut is_at_rim = vec![false; is_open.len()];
         for side in (0..mesh.continued.len()).filter(|&side| mesh.continued[side] == NONE) {
             let corners = mesh.triangles[side / 3];
             for corner in [side % 3, (side % 3 + 1) % 3] {
-                is_inside[corners[corner] as usize] = false;
+                is_at_rim[corners[corner] as usize] = true;
             }
         }
         let mut triangle_of = vec![NONE; mesh.positions.len()];
         for (triangle, corners) in mesh.triangles.iter().enumerate() {
             corners.iter().for_each(|&vertex| triangle_of[vertex as usize] = triangle as u32);
         }
-        (is_inside, triangle_of)
+        (is_at_rim, triangle_of)
     };
-    let (around, (is_inside, triangle_of)) = join(fork, neighbours, insides);
+    let (around, (is_at_rim, triangle_of)) = join(fork, neighbours, rims);
     let mut is_tried = vec![false; mesh.positions.len()];
     let mut is_known = vec![false; mesh.triangles.len()];
     is_known.iter_mut().zip(is_round).for_each(|(known, round)| *known = *round);
@@ -219,13 +225,18 @@ fn balls(
     let mut found = Vec::new();
     for vertex in 0..mesh.positions.len() {
         let ring = around.of_vertex(vertex);
-        let is_open = |&vertex: &u32| is_inside[vertex as usize] && !is_tried[vertex as usize];
-        if !is_open(&(vertex as u32)) || !ring.iter().all(is_open) {
+        let is_open = |&vertex: &u32| is_open[vertex as usize] && !is_tried[vertex as usize];
+        if is_at_rim[vertex] || !is_open(&(vertex as u32)) || !ring.iter().all(is_open) {
             continue;
         }
-        ring.iter().for_each(|&other| is_tried[other as usize] = true);
+        let is_cap = ring.iter().any(|&other| is_at_rim[other as usize]);
+        let ball = ball_at(mesh, &around, vertex, near, if is_cap { LEAST_ROWS } else { 1 });
+        // Others inside may show what a first one of a cap does not.
+        if ball.is_some() || !is_cap {
+            ring.iter().for_each(|&other| is_tried[other as usize] = true);
+        }
         is_tried[vertex] = true;
-        let Some(ball) = ball_at(mesh, &around, vertex, near) else { continue };
+        let Some(ball) = ball else { continue };
         let is_exact = |&other: &u32| {
             let other = other as usize;
             let outward = ball.0.outward(&mesh.positions[other]);
@@ -238,7 +249,8 @@ fn balls(
         if first >= is_known.len() || is_known[first] || looks.left == 0 {
             continue;
         }
-        let Some((sphere, triangles)) = grown(mesh, ball, first, &is_known, near, &mut looks) else {
+        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near, fork));
+        let Some((sphere, triangles)) = grown(surroundings, ball, first, &is_known, &mut looks) else {
             continue;
         };
         for &triangle in &triangles {
@@ -251,15 +263,20 @@ fn balls(
         };
         let way = triangles.iter().map(facing).sum::<f64>().signum();
         let ball = Ball { mesh, sphere, triangles };
-        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near, fork));
         let at_edges = surroundings.at_edges(&ball);
         found.push((sphere, ball.triangles, at_edges, way));
     }
     found
 }
 
-/// The sphere of a vertex and those round it in two rows, and how far facets there leave it, mm.
-fn ball_at(mesh: &SmoothMesh, around: &Neighbours, vertex: usize, near: f64) -> Option<(Sphere, f64)> {
+/// The sphere of a vertex and those round it in two rows, which have so many distances from it, and how far facets there leave it, mm.
+fn ball_at(
+    mesh: &SmoothMesh,
+    around: &Neighbours,
+    vertex: usize,
+    near: f64,
+    rows: usize,
+) -> Option<(Sphere, f64)> {
     let mut vertices: Vec<u32> = around
         .of_vertex(vertex)
         .iter()
@@ -276,8 +293,14 @@ fn ball_at(mesh: &SmoothMesh, around: &Neighbours, vertex: usize, near: f64) -> 
     if points.iter().any(|point| sphere.distance(point).abs() > near) {
         return None;
     }
-    // Vertices of a narrow row show no sphere.
     let own = mesh.positions[vertex];
+    let mut distances: Vec<f64> = points.iter().map(|point| (point - own).norm()).collect();
+    distances.sort_by(f64::total_cmp);
+    let steps = distances.windows(2).filter(|pair| pair[1] > pair[0] * (1.0 + SAME_ROW));
+    if steps.count() < rows {
+        return None;
+    }
+    // Vertices of a narrow row show no sphere.
     let (first, second) = cross_directions(&sphere.outward(&own));
     let steps = || {
         let steps = points.iter().map(|point| point - own);
@@ -310,18 +333,18 @@ fn bulge_on(mesh: &SmoothMesh, sphere: &Sphere, triangle: usize) -> f64 {
 
 /// The triangles on a sphere that can be reached from one, in ascending order, and the sphere of all their vertices.
 fn grown(
-    mesh: &SmoothMesh,
+    &Surroundings { mesh, ref facets, near }: &Surroundings,
     (mut sphere, usual): (Sphere, f64),
     from: usize,
     is_known: &[bool],
-    near: f64,
     looks: &mut Looks,
 ) -> Option<(Sphere, Vec<usize>)> {
+    let is_of_few = |triangle: usize| facets.with(triangle).nth(FACET_TRIANGLES).is_none();
     let is_on = |sphere: &Sphere, triangle: usize| {
         let corners = mesh.corners(triangle).0;
         let middle = nalgebra::center(&nalgebra::center(&corners[0], &corners[1]), &corners[2]);
         corners.iter().all(|corner| sphere.distance(corner).abs() <= near)
-            && bulge_on(mesh, sphere, triangle) <= FLAT * usual + near
+            && (is_of_few(triangle) || bulge_on(mesh, sphere, triangle) <= FLAT * usual + near)
             && (facet_normal(corners).cross(&sphere.outward(&middle)).norm() < LEAN
                 || sliver_side(corners).is_some())
     };
@@ -474,6 +497,26 @@ mod tests {
                     "{axes:?}, {at}: {normal:?} for {exact:?}"
                 );
             }
+        }
+    }
+
+    /// As a CAD program cuts a dome: nearly all facets reach from its top to its rim.
+    #[test]
+    fn a_dome_is_known_from_few_vertices_between_its_top_and_its_rim() {
+        const RIM: u32 = 16;
+        let radius = 130.0;
+        let on_dome = |out: f64, angle: f64| {
+            Point3::new(out * angle.cos(), out * angle.sin(), (radius * radius - out * out).sqrt())
+        };
+        let mut positions = vec![on_dome(0.0, 0.0), on_dome(3.3, 0.0), on_dome(6.6, 0.0)];
+        let angle = |step: u32| f64::from(step) / f64::from(RIM) * std::f64::consts::TAU;
+        positions.extend((0..RIM).map(|step| on_dome(9.9, angle(step))));
+        let mut triangles: Vec<[u32; 3]> = (1..RIM - 1).map(|step| [0, 3 + step, 4 + step]).collect();
+        let last = 2 + RIM;
+        triangles.extend([[0, 1, 4], [1, 2, 4], [2, 3, 4], [0, last, 1], [1, last, 2], [2, last, 3]]);
+        let dome = SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top());
+        for (at, normal) in dome.positions.iter().zip(&dome.normals) {
+            assert!((normal - at.coords / radius).norm() < 1e-5, "{at}: {normal:?}");
         }
     }
 

@@ -133,3 +133,66 @@ fn rows_of_a_bottle_shoulder_that_are_parallel_by_rounding_are_no_columns() {
         largest_error(&mesh(&shoulder, &Cut { step: 0.1, rows: 300, sectors: 16, diagonal: 2 }, rounded(3)));
     assert!(error < 0.02, "{error} rad");
 }
+
+/// A part turned about the z axis, from rings by their radius and height, mm, and so many sectors.
+fn rings(profile: &[[f64; 2]], sectors: u32) -> TriMesh {
+    let (mut positions, mut triangles) = (vec![Point3::new(0.0, 0.0, profile[0][1])], Vec::new());
+    for (ring, &[radius, height]) in (0u32..).zip(&profile[1..]) {
+        for sector in 0..sectors {
+            let angle = f64::from(sector) / f64::from(sectors) * TAU;
+            positions.push(Point3::new(radius * angle.cos(), radius * angle.sin(), height));
+            let next = (sector + 1) % sectors;
+            let [own, after] = [sector, next].map(|sector| 1 + sectors * ring + sector);
+            match ring {
+                0 => triangles.push([0, own, after]),
+                _ => triangles.extend([[own - sectors, own, after], [own - sectors, after, after - sectors]]),
+            }
+        }
+    }
+    TriMesh::new(positions, Vec::new(), triangles).unwrap()
+}
+
+/// The upper side of a watch back: a dome of a ball, a step that slopes by an angle, rad, and a flat cone.
+fn watch_back(slope: f64, rows: &[f64]) -> (Vec<[f64; 2]>, [f64; 3]) {
+    let (ball, rim, cone) = (120.0f64, 10.0, 0.2);
+    let height = |radius: f64| (ball * ball - radius * radius).sqrt() - ball;
+    let mut profile: Vec<[f64; 2]> = rows.iter().map(|&radius| [radius, height(radius)]).collect();
+    let foot = [rim + 1.4, height(rim) - 1.4 * slope.tan()];
+    profile.extend([[rim, height(rim)], foot, [foot[0] + 5.0, foot[1] - 5.0 * cone]]);
+    (profile, [ball, rim, cone])
+}
+
+#[test]
+fn the_sloping_step_of_a_watch_back_has_edges_on_both_sides() {
+    for (slope, sectors) in [(0.45, 16), (0.45, 33), (0.6, 16), (0.6, 48)] {
+        let (profile, [ball, rim, cone]) = watch_back(slope, &[0.0, 3.3, 6.6]);
+        let part = SmoothMesh::new(&rings(&profile, sectors), &View::top());
+        for triangle in 0..part.triangles.len() {
+            let (corners, normals) = part.corners(triangle);
+            let out = corners.iter().map(|at| at.coords.xy().norm()).fold(0.0, f64::max);
+            for (at, normal) in corners.iter().zip(normals) {
+                let outward = Vector3::new(at.x, at.y, 0.0).normalize();
+                let exact = match out {
+                    out if out < rim + 0.1 => (at + Vector3::z() * ball).coords.normalize(),
+                    out if out < rim + 2.0 => outward * slope.sin() + Vector3::z() * slope.cos(),
+                    _ => (outward * cone + Vector3::z()).normalize(),
+                };
+                assert!(normal.angle(&exact) < 0.01, "{slope} {sectors} {at}: {normal:.3?} for {exact:.3?}");
+            }
+        }
+    }
+}
+
+/// Each of its two arcs is cut into one row of facets, as coarsely as CAD programs do.
+#[test]
+fn a_step_of_two_arcs_is_smooth() {
+    for turn in [0.3f64, 0.4, 0.5] {
+        let arc = [2.0 * turn.sin(), 2.0 * (1.0 - turn.cos())];
+        let foot = [10.0 + 2.0 * arc[0], -2.0 * arc[1]];
+        let profile =
+            [[0.0, 0.0], [5.0, 0.0], [10.0, 0.0], [10.0 + arc[0], -arc[1]], foot, [foot[0] + 5.0, foot[1]]];
+        let part = SmoothMesh::new(&rings(&profile, 24), &View::top());
+        let regions = part.regions.iter().collect::<std::collections::BTreeSet<_>>();
+        assert_eq!((regions.len(), part.positions.len()), (1, 1 + 5 * 24), "{turn}");
+    }
+}
