@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::super::error::PatternReadError;
 use super::budget::Budget;
 use super::curves::{Curve, Placement, SpaceSegment, arc, is_full_turn, sweep_between, through};
-use super::groups::Groups;
+use super::groups::{Groups, embedded};
 use super::items::{Insert, Item, Reader, Remarks};
 use super::scan::{Kind, kind_of};
 use super::splines::{ControlSpline, by_control_points, through_fit_points};
@@ -125,18 +125,17 @@ impl Reader<'_> {
             "DIMENSION" | "ARC_DIMENSION" | "LARGE_RADIAL_DIMENSION" => {
                 self.dimension(&groups(&[12, 22, 32, 210, 220, 230])?, record)
             }
-            "TEXT" | "ATTRIB" | "ATTDEF" => {
+            kind @ ("TEXT" | "ATTRIB" | "ATTDEF" | "MTEXT") => {
                 let uses = remarks.texts.entry(index).or_default();
-                text::single_line(self, record, (uses, remarks.fields.entry(index).or_default()), budget)?
-            }
-            "MTEXT" => {
-                let uses = remarks.texts.entry(index).or_default();
-                text::paragraphs::drawn(
-                    self,
-                    record,
-                    (uses, remarks.fields.entry(index).or_default()),
-                    budget,
-                )?
+                let found = (uses, remarks.fields.entry(index).or_default());
+                let paragraphs = matches!(kind, "ATTRIB" | "ATTDEF")
+                    .then(|| embedded(self.scan, record.pairs(self.scan)))
+                    .flatten();
+                match (kind, paragraphs) {
+                    ("MTEXT", _) => text::paragraphs::drawn(self, record, found, budget)?,
+                    (_, Some(pairs)) => text::paragraphs::embedded(self, record, pairs, found, budget)?,
+                    (_, None) => text::single_line(self, record, found, budget)?,
+                }
             }
             "VIEWPORT" => Item::DrawsNothing("it is a viewport of a layout"),
             "LIGHT" | "CAMERA" => Item::DrawsNothing("it is not plotted"),

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::super::error::PatternReadError;
 use super::curves::Placement;
-use super::scan::{Pair, Scan};
+use super::scan::{EMBEDDED, Pair, Scan};
 use super::structure::{Record, Structure};
 
 /// The needed numbers of one entity, in file order with their group codes.
@@ -23,8 +23,21 @@ impl Groups {
         pairs: &[Pair],
         wanted: impl Fn(i32) -> bool,
     ) -> Result<Self, PatternReadError> {
-        let mut numbers = Vec::with_capacity(pairs.len());
-        for pair in own(scan, pairs).filter(|pair| wanted(pair.code)) {
+        Self::of(scan, structure, record, own(scan, pairs).filter(|pair| wanted(pair.code)))
+    }
+
+    /// The numbers of these pairs.
+    ///
+    /// # Errors
+    /// When one of them cannot be read or is not finite.
+    pub(super) fn of<'p>(
+        scan: &Scan<'_>,
+        structure: &Structure,
+        record: &Record,
+        pairs: impl Iterator<Item = &'p Pair>,
+    ) -> Result<Self, PatternReadError> {
+        let mut numbers = Vec::with_capacity(pairs.size_hint().1.unwrap_or(0));
+        for pair in pairs {
             let number = scan.number(pair).ok_or_else(|| PatternReadError::UnreadableNumber {
                 spot: scan.spot(pair),
                 group: pair.code,
@@ -91,12 +104,19 @@ impl Groups {
 /// The pairs of the entity, without the one with its type and without the groups of other programs.
 pub(super) fn own<'p>(scan: &'p Scan<'_>, pairs: &'p [Pair]) -> impl Iterator<Item = &'p Pair> {
     let mut in_braces = false;
-    // 101 begins an embedded object, such as the columns of an MTEXT, in which the codes have other meanings.
-    pairs.iter().skip(1).take_while(|pair| pair.code < 1000 && pair.code != 101).filter(move |pair| {
+    // In an embedded object, such as the columns of an MTEXT, the codes have other meanings.
+    pairs.iter().skip(1).take_while(|pair| pair.code < 1000 && pair.code != EMBEDDED).filter(move |pair| {
         let braces = pair.code == 102;
         if braces {
             in_braces = scan.raw(pair).starts_with(b"{");
         }
         !braces && !in_braces
     })
+}
+
+/// The pairs of the entity's embedded object, such as the paragraphs of an ATTRIB; `None` if it has none. The first one is its mark.
+pub(super) fn embedded<'p>(scan: &Scan<'_>, pairs: &'p [Pair]) -> Option<&'p [Pair]> {
+    let end = pairs.iter().position(|pair| pair.code >= 1000).unwrap_or(pairs.len());
+    let start = pairs[..end].iter().position(|pair| scan.is(pair, EMBEDDED, b"Embedded Object"))?;
+    Some(&pairs[start..end])
 }

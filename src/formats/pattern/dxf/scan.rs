@@ -10,6 +10,9 @@ pub(crate) const MAX_BYTES: usize = 200 << 20;
 /// Largest number of group codes; a dense file of [`MAX_BYTES`] has about 20 million.
 const MAX_PAIRS: usize = 24_000_000;
 
+/// The group code that begins an embedded object, in which the codes have other meanings.
+pub(super) const EMBEDDED: i32 = 101;
+
 const BINARY_MARK: &[u8] = b"AutoCAD Binary DXF\r\n\x1a\0";
 
 /// A group code and the position of its value.

@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::budget::{Budget, Cost};
 use super::code_page::CodePage;
 use super::colour::nearest_index;
-use super::scan::{Pair, Scan};
+use super::scan::{EMBEDDED, Pair, Scan};
 use crate::formats::pattern::DrawingUnit;
 use crate::formats::pattern::error::{EntityName, PatternReadError};
 use crate::geometry::pattern::Color;
@@ -529,12 +529,13 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
         is_dashed: None,
         line_weight: None,
     };
-    // Groups in braces belong to other programs, and so does everything after the first application name (1001).
+    // Groups in braces belong to other programs, and so does everything after the first application name (1001). In an
+    // embedded object the codes have other meanings.
     let mut in_braces = false;
     for (index, pair) in item.clone().zip(&scan.pairs[item.clone()]) {
         let flag = || scan.number(pair).is_some_and(|number| number != 0.0);
         match pair.code {
-            1000.. => break,
+            EMBEDDED | 1000.. => break,
             102 => in_braces = scan.raw(pair).starts_with(b"{"),
             _ if in_braces => {}
             5 if record.handle.is_none() => record.handle = Some(index as u32),

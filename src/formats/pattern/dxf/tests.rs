@@ -2,12 +2,12 @@ use crate::formats::pattern::{PatternOptions, PatternReadError, PatternReading, 
 use crate::geometry::pattern::Shape;
 use crate::geometry::space::FlatPoint;
 
-fn section(name: &str, content: &str) -> String {
+pub(super) fn section(name: &str, content: &str) -> String {
     format!("0\nSECTION\n2\n{name}\n{content}0\nENDSEC\n")
 }
 
 /// A drawing in mm with these entities, and other sections before and after them.
-fn drawing(before: &str, entities: &str, after: &str) -> Vec<u8> {
+pub(super) fn drawing(before: &str, entities: &str, after: &str) -> Vec<u8> {
     let header = section("HEADER", "9\n$ACADVER\n1\nAC1015\n9\n$INSUNITS\n70\n4\n");
     format!("{header}{before}{}{after}0\nEOF\n", section("ENTITIES", entities)).into_bytes()
 }
@@ -33,7 +33,7 @@ fn length(reading: &PatternReading) -> f64 {
         .sum()
 }
 
-fn notice(reading: &PatternReading, code: &str) -> Option<String> {
+pub(super) fn notice(reading: &PatternReading, code: &str) -> Option<String> {
     reading.facts.notices.iter().find(|notice| notice.code == code).map(|notice| notice.message.clone())
 }
 

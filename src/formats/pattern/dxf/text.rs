@@ -4,6 +4,8 @@
 
 mod codes;
 pub(super) mod paragraphs;
+#[cfg(test)]
+mod tests;
 
 use std::rc::Rc;
 
@@ -17,7 +19,7 @@ use super::budget::{Budget, Exceeded};
 use super::curves::{Curve, Placement, through};
 use super::groups::{Groups, own};
 use super::items::{Item, Reader};
-use super::scan::Scan;
+use super::scan::{Pair, Scan};
 use super::structure::{Record, Structure, TextStyle};
 
 /// Lines under, over and through letters, for capitals 1 high: heights above the baseline and thickness.
@@ -47,22 +49,21 @@ pub(super) fn single_line(
     let kind = structure.kind(record);
     let wanted =
         |code| matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 50 | 51 | 70..=74 | 210 | 220 | 230);
-    let groups = Groups::read(scan, structure, record, record.pairs(scan), wanted)?;
-    if kind != "TEXT" && groups.flags(70) & 1 != 0 {
-        return Ok(Item::DrawsNothing("it is invisible"));
+    let pairs = by_precedence(scan, structure, record);
+    let numbers = pairs.iter().copied().filter(|pair| wanted(pair.code));
+    let groups = Groups::of(scan, structure, record, numbers)?;
+    if let Some(item) = without_text(kind, &groups) {
+        return Ok(item);
     }
-    // The text that a user fills in is an ATTRIB; only a constant text is drawn by its definition.
-    if kind == "ATTDEF" && groups.flags(70) & 2 == 0 {
-        return Ok(Item::Template);
-    }
-    let text = string(scan, record, 1);
+    let string = |code| scan.whole_text(pairs.iter().copied().rfind(|pair| pair.code == code));
+    let text = string(1);
     if text.len() > LONGEST {
         return Ok(Item::Skipped(TOO_LONG.into()));
     }
     let (text, found) = expand(&text, Syntax::Line, content);
     fields.extend(found);
     let letters = letters(&text, scan.page_of_letters());
-    let font = Font::of(structure, &string(scan, record, 7));
+    let font = Font::of(structure, &string(7));
     let row = match font.row(&letters, 1.0, uses, budget) {
         Ok(row) => row,
         Err(why) => return Ok(Item::Skipped(why.into())),
@@ -124,9 +125,39 @@ fn sheared(slant: f64, offset: Vector3<f64>) -> Placement {
     Placement { linear, offset }
 }
 
-/// The text of the last group with this code, empty if there is none.
-fn string(scan: &Scan<'_>, record: &Record, code: i32) -> String {
-    scan.whole_text(own(scan, record.pairs(scan)).filter(|pair| pair.code == code).last())
+/// What an ATTRIB or ATTDEF with these numbers is if its text is not drawn; `None` if it is, as that of a TEXT.
+fn without_text(kind: &str, groups: &Groups) -> Option<Item> {
+    let flags = groups.flags(70);
+    match kind {
+        "TEXT" => None,
+        _ if flags & 1 != 0 => Some(Item::DrawsNothing("it is invisible")),
+        // The text that a user fills in is an ATTRIB; only a constant text is drawn by its definition.
+        "ATTDEF" if flags & 2 == 0 => Some(Item::Template),
+        _ => None,
+    }
+}
+
+/// The pairs of a text so that the last one of a group code is valid: those of the attribute, if it is one, before
+/// those of the text.
+///
+/// An ATTRIB repeats groups of the text in its own subclass, and the DXF Reference documents some of them only there.
+/// From R2018 on, 71 and 72 in it are the type of the attribute and an unknown number. An AcDbXrecord has a position
+/// and a scale of its own.
+fn by_precedence<'p>(scan: &'p Scan<'_>, structure: &Structure, record: &Record) -> Vec<&'p Pair> {
+    let has_type = structure.header.version.as_str() >= "AC1032";
+    let (mut of_attribute, mut of_text) = (Vec::new(), Vec::new());
+    let mut class: &[u8] = b"";
+    for pair in own(scan, record.pairs(scan)) {
+        match (class, pair.code) {
+            (_, 100) => class = scan.raw(pair),
+            (b"AcDbXrecord", _) => {}
+            (b"AcDbAttribute" | b"AcDbAttributeDefinition", 71 | 72) if has_type => {}
+            (b"AcDbAttribute" | b"AcDbAttributeDefinition", _) => of_attribute.push(pair),
+            _ => of_text.push(pair),
+        }
+    }
+    of_attribute.append(&mut of_text);
+    of_attribute
 }
 
 /// A font as a drawing names it.

@@ -9,12 +9,12 @@ use super::super::super::error::PatternReadError;
 use super::super::budget::Budget;
 use super::super::colour::nearest_index;
 use super::super::curves::{Placement, through};
-use super::super::groups::Groups;
+use super::super::groups::{Groups, own};
 use super::super::items::{Item, Reader};
-use super::super::scan::Scan;
+use super::super::scan::{Pair, Scan};
 use super::super::structure::{Record, RecordColor};
 use super::codes::{Letter, RuleKind, Ruled, Token, tokens};
-use super::{BLANK, Font, FontUses, LONGEST, Row, TOO_LONG, sheared, string};
+use super::{BLANK, Font, FontUses, LONGEST, Row, TOO_LONG, by_precedence, sheared, without_text};
 use crate::geometry::pattern::Color;
 
 /// Distance of baselines for letters 1 high, at a line spacing of 1.
@@ -96,30 +96,56 @@ struct Line {
 
 /// What an MTEXT draws.
 pub(in super::super) fn drawn(
+    reader: &Reader<'_>,
+    record: &Record,
+    remarks: (&mut FontUses, &mut Vec<FoundField>),
+    budget: &mut Budget,
+) -> Result<Item, PatternReadError> {
+    if columns(reader.scan, record) > 1 {
+        return Ok(Item::Skipped("it has columns: explode it in the drawing program".into()));
+    }
+    set_out(reader, record, record.pairs(reader.scan), remarks, budget)
+}
+
+/// What an ATTRIB or ATTDEF with several lines draws, from the pairs of the MTEXT that is embedded in it.
+pub(in super::super) fn embedded(
+    reader: &Reader<'_>,
+    record: &Record,
+    pairs: &[Pair],
+    remarks: (&mut FontUses, &mut Vec<FoundField>),
+    budget: &mut Budget,
+) -> Result<Item, PatternReadError> {
+    let &Reader { scan, structure, .. } = reader;
+    let flags = by_precedence(scan, structure, record).into_iter().filter(|pair| pair.code == 70);
+    match without_text(structure.kind(record), &Groups::of(scan, structure, record, flags)?) {
+        Some(item) => Ok(item),
+        None => set_out(reader, record, pairs, remarks, budget),
+    }
+}
+
+/// What the paragraphs with these pairs draw.
+fn set_out(
     &Reader { scan, structure, content, .. }: &Reader<'_>,
     record: &Record,
+    pairs: &[Pair],
     (uses, fields): (&mut FontUses, &mut Vec<FoundField>),
     budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let wanted = |code| {
         matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 44 | 45 | 50 | 71 | 73 | 90 | 210 | 220 | 230)
     };
-    let groups = Groups::read(scan, structure, record, record.pairs(scan), wanted)?;
-    if columns(scan, record) > 1 {
-        return Ok(Item::Skipped("it has columns: explode it in the drawing program".into()));
-    }
+    let groups = Groups::read(scan, structure, record, pairs, wanted)?;
     let height = groups.or(40, 0.0);
     if !(height > 0.0) {
         return Ok(Item::DrawsNothing("its height is 0"));
     }
-    let text =
-        scan.whole_text(super::own(scan, record.pairs(scan)).filter(|pair| matches!(pair.code, 1 | 3)));
+    let text = scan.whole_text(own(scan, pairs).filter(|pair| matches!(pair.code, 1 | 3)));
     if text.len() > LONGEST {
         return Ok(Item::Skipped(TOO_LONG.into()));
     }
     let (text, found) = expand(&text, Syntax::Paragraph, content);
     fields.extend(found);
-    let style = string(scan, record, 7);
+    let style = scan.whole_text(own(scan, pairs).filter(|pair| pair.code == 7).last());
     let style_record = structure.styles.get(&style.to_uppercase());
     let format = Format {
         font: Font::of(structure, &style),
@@ -213,9 +239,8 @@ fn axes(groups: &Groups) -> Matrix3<f64> {
 /// Number of columns: from R2018 on in an embedded object, before in the extended data of an application.
 fn columns(scan: &Scan<'_>, record: &Record) -> i64 {
     let pairs = record.pairs(scan);
-    let integer = |pair: Option<&super::super::scan::Pair>| {
-        pair.and_then(|pair| scan.number(pair)).map_or(0, |number| number as i64)
-    };
+    let integer =
+        |pair: Option<&Pair>| pair.and_then(|pair| scan.number(pair)).map_or(0, |number| number as i64);
     if let Some(start) = pairs.iter().position(|pair| pair.code == 101) {
         let inner = &pairs[start..];
         let kind = integer(inner.iter().find(|pair| pair.code == 71));
