@@ -119,7 +119,13 @@ impl Reader<'_> {
                 let (scan, structure) = (self.scan, self.structure);
                 let is_number =
                     |code| matches!(kind_of(code), Some(Kind::Double | Kind::Short | Kind::Integer));
-                let numbers = Groups::read(scan, structure, record, record.pairs(scan), is_number)?;
+                let pairs = record.pairs(scan);
+                // In front of this mark, 92 is the size of a preview, and not the flags of a boundary.
+                let mark = pairs.iter().position(|pair| {
+                    [&b"AcDbHatch"[..], b"AcDbMPolygon"].iter().any(|class| scan.is(pair, 100, class))
+                });
+                let own = &pairs[mark.unwrap_or(0)..];
+                let numbers = Groups::read(scan, structure, record, own, is_number)?;
                 hatch::hatch(&numbers.0, self.tolerance, budget)
             }
             "DIMENSION" | "ARC_DIMENSION" | "LARGE_RADIAL_DIMENSION" => {

@@ -349,3 +349,23 @@ fn backgrounds_of_texts_are_lost_only_where_they_hide_ink() {
         read(&drawing(&section("BLOCKS", &block), &(insert(0) + &insert(50)), ""), &options).unwrap();
     assert_eq!(reading.facts.skipped.len(), 1, "{:?}", reading.facts.skipped);
 }
+
+/// An entity may have a picture of itself in front of its own data, with its size as 92.
+#[test]
+fn the_preview_of_a_hatch_is_no_boundary() {
+    let hatch = |preview: &str, kind: &str, class: &str| {
+        format!(
+            "0\n{kind}\n5\n2A\n100\nAcDbEntity\n8\nMARK\n{preview}100\n{class}\n10\n0\n20\n0\n30\n0\n210\n0\n220\n0\n230\n-1\n2\nSOLID\n70\n1\n71\n0\n91\n1\n\
+             92\n2\n72\n0\n73\n1\n93\n3\n10\n0\n20\n0\n10\n8\n20\n0\n10\n8\n20\n6\n97\n0\n75\n0\n76\n1\n98\n0\n"
+        )
+    };
+    for (kind, class) in [("HATCH", "AcDbHatch"), ("MPOLYGON", "AcDbMPolygon")] {
+        for preview in ["", "92\n3\n310\nC0FFEE\n", "92\n4\n310\nC0FFEE00\n", "160\n3\n310\nC0FFEE\n"] {
+            let reading =
+                read(&drawing("", &hatch(preview, kind, class), ""), &PatternOptions::default()).unwrap();
+            assert!(reading.facts.skipped.is_empty(), "{kind} {preview:?}: {:?}", reading.facts.skipped);
+            // Seen from below, x is mirrored.
+            assert_eq!(reading.facts.extents, [-8.0, 0.0, 0.0, 6.0], "{kind} {preview:?}");
+        }
+    }
+}
