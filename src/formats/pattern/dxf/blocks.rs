@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use super::super::error::{EntityName, PatternReadError};
 use super::budget::{Budget, Cost};
 use super::curves::{Curve, Placement, vanishing};
-use super::items::{Insert, Item, Reader, Remarks, WideLine};
+use super::items::{Grid, Insert, Item, Reader, Remarks, WideLine};
 use super::masks::Mask;
 use super::scan::Scan;
 use super::structure::{LayerRecord, Record, RecordColor, Structure};
@@ -85,6 +85,7 @@ pub(super) fn unfold(
         regions: 0,
         open_blocks: Vec::new(),
         masks: Vec::new(),
+        grids: BTreeMap::new(),
         hairline: options.hairline,
         ink_layers: options.ink_layers.as_deref(),
         is_paper: sheet.is_some(),
@@ -168,6 +169,8 @@ struct Unfolding<'u> {
     regions: u32,
     open_blocks: Vec<String>,
     masks: Vec<PlacedMask>,
+    /// The rows and columns of inserts by their position in the inventory, for the attributes that follow them; only of several copies.
+    grids: BTreeMap<usize, Grid>,
     /// Width below which lines are drawn without a width, mm.
     hairline: f64,
     /// The layers that are marked; all if none is named.
@@ -207,7 +210,12 @@ impl<'u> Unfolding<'u> {
         self.spend(Cost::Unfolded, 1, record)?;
         let of_insert;
         let mut context = context;
-        if let Some(insert) = record.insert.and_then(|insert| structure.entities.get(insert as usize)) {
+        let mut grid = Grid::single();
+        if let Some((number, insert)) = record
+            .insert
+            .map(|number| number as usize)
+            .and_then(|number| Some((number, structure.entities.get(number)?)))
+        {
             let (layer, entry) = layer_of(structure, insert, context);
             if why_hidden(insert, entry, true, self.is_paper).is_some() {
                 let why = "the block that it belongs to is hidden";
@@ -217,6 +225,7 @@ impl<'u> Unfolding<'u> {
             // An attribute belongs to the insert, not to the definition of its block.
             of_insert = self.inside(insert, context, context.placement, (layer, context.block.clone()));
             context = &of_insert;
+            grid = self.grids.get(&number).copied().unwrap_or(grid);
         }
         let (layer, entry) = layer_of(structure, record, context);
         let is_insert = matches!(item, Item::Insert(_));
@@ -255,15 +264,35 @@ impl<'u> Unfolding<'u> {
                 Some(_) => Missing::Hidden,
                 None => Missing::Ink,
             };
+            if insert.grid.copies() > 1 {
+                self.grids.insert(index, insert.grid);
+            }
             return self.insert(index, record, insert, context, (layer, missing));
         }
-        self.item(
-            index,
-            record,
+        let look = Look { layer, color, is_stroke: false, block: context.block.as_ref() };
+        let before = self.spent();
+        self.item(index, record, item, context, look)?;
+        // What is not drawn is listed once.
+        let is_drawn = !matches!(
             item,
-            context,
-            Look { layer, color, is_stroke: false, block: context.block.as_ref() },
-        )
+            Item::Template | Item::DrawsNothing(_) | Item::Construction(_) | Item::Skipped(_)
+        );
+        let copies = if is_drawn { grid.copies() } else { 1 };
+        if copies > 1 {
+            self.check_copies(before, copies, record)?;
+        }
+        for copy in 1..copies {
+            self.spend(Cost::Unfolded, 1, record)?;
+            let shift = Placement { offset: grid.shift(copy), ..Placement::scaling(1.0) };
+            let inner = Context {
+                placement: context.placement.after(&shift),
+                layer: context.layer.clone(),
+                block: context.block.clone(),
+                ..*context
+            };
+            self.item(index, record, item, &inner, look)?;
+        }
+        Ok(())
     }
 
     fn item(
@@ -388,7 +417,7 @@ impl<'u> Unfolding<'u> {
         if self.open_blocks.len() == MAX_DEPTH {
             return Err(self.too_many("levels of nested blocks", MAX_DEPTH, record));
         }
-        let copies = insert.columns.saturating_mul(insert.rows);
+        let copies = insert.grid.copies();
         self.check_cost(Cost::Copies, copies, record)?;
         self.open_blocks.push(key);
         let name: Arc<str> = block.name.as_str().into();
@@ -396,11 +425,10 @@ impl<'u> Unfolding<'u> {
             linear: nalgebra::Matrix3::identity(),
             offset: -Vector3::new(block.base[0], block.base[1], block.base[2]),
         };
-        let before = [Cost::Unfolded, Cost::Copies, Cost::Drawn].map(|cost| (cost, self.budget.spent(cost)));
+        let before = self.spent();
         for copy in 0..copies {
-            let (row, column) = (copy / insert.columns, copy % insert.columns);
             let mut placement = insert.placement;
-            placement.offset += insert.column_step * column as f64 + insert.row_step * row as f64;
+            placement.offset += insert.grid.shift(copy);
             let placement = context.placement.after(&placement.after(&base));
             let inner = self.inside(record, context, placement, (layer, Some(name.clone())));
             // Empty blocks are counted, too, because a large array of them would take very long.
@@ -411,10 +439,8 @@ impl<'u> Unfolding<'u> {
                     self.entity(inside, item, &inner)?;
                 }
             }
-            // All copies spend as much as the first one, so too many are refused before they are created.
-            for (cost, before) in before.into_iter().filter(|_| copy == 0) {
-                let of_one = self.budget.spent(cost) - before;
-                self.check_cost(cost, of_one.saturating_mul(copies - 1), record)?;
+            if copy == 0 {
+                self.check_copies(before, copies, record)?;
             }
         }
         self.open_blocks.pop();
@@ -480,6 +506,24 @@ impl<'u> Unfolding<'u> {
     fn spend(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {
         let spent = self.budget.spend(cost, count);
         spent.map_err(|_| cost.too_many(self.structure.name(self.scan, record)))
+    }
+
+    fn spent(&self) -> [(Cost, usize); 3] {
+        [Cost::Unfolded, Cost::Copies, Cost::Drawn].map(|cost| (cost, self.budget.spent(cost)))
+    }
+
+    /// All copies spend as much as the first one, so too many are refused before they are created.
+    fn check_copies(
+        &mut self,
+        before: [(Cost, usize); 3],
+        copies: usize,
+        record: &Record,
+    ) -> Result<(), PatternReadError> {
+        for (cost, before) in before {
+            let of_one = self.budget.spent(cost) - before;
+            self.check_cost(cost, of_one.saturating_mul(copies - 1), record)?;
+        }
+        Ok(())
     }
 
     fn check_cost(&mut self, cost: Cost, count: usize, record: &Record) -> Result<(), PatternReadError> {

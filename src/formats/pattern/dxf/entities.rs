@@ -6,7 +6,7 @@ use super::super::error::PatternReadError;
 use super::budget::Budget;
 use super::curves::{Curve, Placement, SpaceSegment, arc, is_full_turn, sweep_between, through};
 use super::groups::{Groups, embedded};
-use super::items::{Insert, Item, Reader, Remarks};
+use super::items::{Grid, Insert, Item, Reader, Remarks};
 use super::scan::{Kind, kind_of};
 use super::splines::{ControlSpline, by_control_points, through_fit_points};
 use super::structure::Record;
@@ -168,10 +168,12 @@ impl Reader<'_> {
                 linear: turned * nalgebra::Matrix3::from_diagonal(&scale),
                 offset: plane.point(insert.point(10)),
             },
-            columns: insert.count(70, 1),
-            rows: insert.count(71, 1),
-            column_step: turned * Vector3::x() * insert.or(44, 0.0),
-            row_step: turned * Vector3::y() * insert.or(45, 0.0),
+            grid: Grid {
+                columns: insert.count(70, 1),
+                rows: insert.count(71, 1),
+                column_step: turned * Vector3::x() * insert.or(44, 0.0),
+                row_step: turned * Vector3::y() * insert.or(45, 0.0),
+            },
         }
     }
 
@@ -185,10 +187,7 @@ impl Reader<'_> {
         Item::Insert(Box::new(Insert {
             block,
             placement: Placement { linear: plane.linear, offset: plane.point(dimension.point(12)) },
-            columns: 1,
-            rows: 1,
-            column_step: Vector3::zeros(),
-            row_step: Vector3::zeros(),
+            grid: Grid::single(),
         }))
     }
 }

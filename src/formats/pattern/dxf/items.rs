@@ -80,10 +80,34 @@ pub(super) struct Insert {
     pub(super) block: String,
     /// From the block's space, with the base point at the origin, to the space that contains the insert.
     pub(super) placement: Placement,
+    pub(super) grid: Grid,
+}
+
+/// The copies of a block reference and its attributes, in rows and columns; the steps are in the space that contains the insert.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Grid {
     pub(super) columns: usize,
     pub(super) rows: usize,
     pub(super) column_step: Vector3<f64>,
     pub(super) row_step: Vector3<f64>,
+}
+
+impl Grid {
+    /// A single copy.
+    pub(super) fn single() -> Self {
+        Self { columns: 1, rows: 1, column_step: Vector3::zeros(), row_step: Vector3::zeros() }
+    }
+
+    /// Number of copies.
+    pub(super) fn copies(&self) -> usize {
+        self.columns.saturating_mul(self.rows)
+    }
+
+    /// The distance of a copy from the first one, by its number from 0, row by row.
+    pub(super) fn shift(&self, copy: usize) -> Vector3<f64> {
+        let (row, column) = (copy / self.columns, copy % self.columns);
+        self.column_step * column as f64 + self.row_step * row as f64
+    }
 }
 
 /// What was noticed while reading entities, for notices.

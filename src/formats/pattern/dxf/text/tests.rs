@@ -1,5 +1,5 @@
 use super::super::tests::{drawing, section};
-use crate::formats::pattern::{PatternOptions, PatternReading, read};
+use crate::formats::pattern::{PatternOptions, PatternReadError, PatternReading, read};
 use crate::geometry::pattern::Shape;
 
 /// A drawing with one of these entities, read as a file of this version; a line makes sure that something is marked.
@@ -98,4 +98,58 @@ fn an_attribute_with_several_lines_is_drawn_as_its_embedded_mtext() {
         assert_eq!(shapes(&reading), expected, "{kind} {flags}");
         assert_eq!(reading.facts.skipped.is_empty(), is_shown, "{kind} {flags}");
     }
+}
+
+/// As ezdxf's `Insert.multi_insert`: a quarter turn makes rows of columns.
+#[test]
+fn attributes_of_a_block_in_rows_and_columns_are_at_every_copy() {
+    let letter = "10\n5\n20\n7\n40\n5\n1\nI\n";
+    let array = "70\n3\n71\n2\n44\n30\n45\n20\n50\n90\n";
+    let grid = |flags: u32| {
+        let attribute = attribute("ATTRIB", letter, &format!("70\n{flags}\n"), "0\nSEQEND\n8\n0\n");
+        attribute.replace("66\n1\n", &format!("66\n1\n{array}"))
+    };
+    let starts = |reading: &PatternReading| {
+        let mut starts: Vec<[i64; 2]> = shapes(reading)
+            .iter()
+            .map(|shape| {
+                let start = shape.segments()[0].start();
+                [start.x, start.y].map(|number| (number * 1e6).round() as i64)
+            })
+            .collect();
+        starts.sort_unstable();
+        starts
+    };
+    let single = starts(&read_as("AC1015", &attribute("ATTRIB", letter, "70\n0\n", "")));
+    let &[[x, y]] = &single[..] else { panic!("{single:?}") };
+    let at = |scale: i64| {
+        let mut copies: Vec<[i64; 2]> =
+            [0, -20].iter().flat_map(|dx| [0, 30, 60].map(|dy| [*dx, dy])).collect();
+        copies
+            .iter_mut()
+            .for_each(|at| *at = [x + at[0] * 1_000_000, y + at[1] * 1_000_000].map(|place| place * scale));
+        copies.sort_unstable();
+        copies
+    };
+    let reading = read_as("AC1015", &grid(0));
+    assert_eq!(starts(&reading), at(1));
+    // In a block that is scaled, too.
+    let block = format!("0\nBLOCK\n2\nOUTER\n10\n0\n20\n0\n{}0\nENDBLK\n", grid(0));
+    let empty = "0\nBLOCK\n2\nB\n10\n0\n20\n0\n0\nENDBLK\n";
+    let insert = "0\nINSERT\n8\n0\n2\nOUTER\n10\n0\n20\n0\n41\n2\n42\n2\n";
+    let bytes = drawing(&section("BLOCKS", &format!("{empty}{block}")), insert, "");
+    assert_eq!(starts(&read(&bytes, &PatternOptions::default()).unwrap()), at(2));
+    // What is not drawn is listed once.
+    let hidden = read_as("AC1015", &grid(1));
+    assert_eq!((shapes(&hidden).len(), hidden.facts.skipped.len()), (0, 1));
+}
+
+#[test]
+fn too_many_copies_of_an_attribute_are_refused() {
+    let letters = "10\n5\n20\n7\n40\n5\n1\nSERIAL NUMBER\n";
+    let attribute = attribute("ATTRIB", letters, "70\n0\n", "0\nSEQEND\n8\n0\n");
+    let attribute = attribute.replace("66\n1\n", "66\n1\n70\n990\n71\n990\n44\n9\n45\n9\n");
+    let block = section("BLOCKS", "0\nBLOCK\n2\nB\n10\n0\n20\n0\n0\nENDBLK\n");
+    let error = read(&drawing(&block, &attribute, ""), &PatternOptions::default()).unwrap_err();
+    assert!(matches!(error, PatternReadError::TooMany { .. }), "{error:?}");
 }
