@@ -415,16 +415,19 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
 fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
     let mut style = TextStyle { file: String::new(), family: None, width: 1.0, oblique: 0.0 };
     let (mut name, mut marks) = (String::new(), 0);
+    let mut application: &[u8] = b"";
     for pair in pairs {
         let number = || scan.number(pair).unwrap_or(0.0);
+        let is_font = application.eq_ignore_ascii_case(b"ACAD");
         match pair.code {
+            1001 => application = scan.raw(pair),
             2 => name = scan.text(pair),
             3 => style.file = scan.text(pair),
             41 if number() > 0.0 => style.width = number(),
             50 => style.oblique = number().to_radians(),
             // In the data of the application ACAD: the family of a TrueType font, and bits for bold and italic.
-            1000 => style.family = Some(scan.text(pair)).filter(|family| !family.is_empty()),
-            1071 => marks = number() as i64,
+            1000 if is_font => style.family = Some(scan.text(pair)).filter(|family| !family.is_empty()),
+            1071 if is_font => marks = number() as i64,
             _ => {}
         }
     }

@@ -1,4 +1,4 @@
-use super::super::tests::{drawing, section};
+use super::super::tests::{drawing, notice, section};
 use crate::formats::pattern::{PatternOptions, PatternReadError, PatternReading, read};
 use crate::geometry::pattern::Shape;
 
@@ -152,4 +152,34 @@ fn too_many_copies_of_an_attribute_are_refused() {
     let block = section("BLOCKS", "0\nBLOCK\n2\nB\n10\n0\n20\n0\n0\nENDBLK\n");
     let error = read(&drawing(&block, &attribute, ""), &PatternOptions::default()).unwrap_err();
     assert!(matches!(error, PatternReadError::TooMany { .. }), "{error:?}");
+}
+
+/// A text in this style, with this data of applications.
+fn styled(flags: u32, file: &str, data: &str, text: &str) -> PatternReading {
+    let style =
+        format!("0\nSTYLE\n2\nOWN\n70\n{flags}\n40\n0\n41\n1\n50\n0\n71\n0\n42\n5\n3\n{file}\n4\n\n{data}");
+    let tables = section("TABLES", &format!("0\nTABLE\n2\nSTYLE\n70\n1\n{style}0\nENDTAB\n"));
+    let line = "0\nLINE\n8\n0\n10\n0\n20\n-50\n11\n9\n21\n-50\n";
+    read(&drawing(&tables, &format!("{line}{text}"), ""), &PatternOptions::default()).unwrap()
+}
+
+/// DXF Reference, STYLE: the family of a TrueType font is in the data of the application ACAD.
+#[test]
+fn only_the_data_of_autocad_names_the_font_of_a_style() {
+    let text = "0\nTEXT\n8\n0\n10\n5\n20\n7\n40\n5\n7\nOWN\n1\nAB\n";
+    let annotative = "1001\nAcadAnnotative\n1000\nAnnotativeData\n1002\n{\n1070\n1\n1070\n1\n1002\n}\n";
+    let font = "1001\nACAD\n1000\nDejaVu Sans\n1071\n34\n";
+    for (file, data, is_stroke, name) in [
+        ("romans.shx", annotative.to_owned(), true, Some("the font romans.shx")),
+        ("arial.ttf", annotative.to_owned(), false, Some("the font arial.ttf")),
+        ("romans.shx", font.to_owned(), false, None),
+        ("", format!("{annotative}{font}"), false, None),
+        ("", format!("{font}{annotative}"), false, None),
+    ] {
+        let reading = styled(0, file, &data, text);
+        assert_eq!(shapes(&reading).iter().all(|shape| matches!(shape, Shape::Closed(_))), !is_stroke);
+        let message = notice(&reading, "font-replaced");
+        assert_eq!(message.is_some(), name.is_some(), "{file} {data}: {message:?}");
+        assert!(message.unwrap_or_default().contains(name.unwrap_or_default()), "{file} {data}");
+    }
 }
