@@ -12,7 +12,7 @@ use super::curves::{Curve, Placement, vanishing};
 use super::items::{Grid, Insert, Item, Reader, Remarks, WideLine};
 use super::masks::Mask;
 use super::scan::Scan;
-use super::structure::{LayerRecord, Record, RecordColor, Structure};
+use super::structure::{Appearance, LayerRecord, Record, RecordColor, Structure};
 use crate::formats::pattern::{PatternOptions, Skipped, Space, is_among};
 use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
 use crate::geometry::space::{Extents, FlatPoint};
@@ -90,8 +90,13 @@ pub(super) fn unfold(
         ink_layers: options.ink_layers.as_deref(),
         is_paper: sheet.is_some(),
     };
-    let ground =
-        Context { placement: Placement::scaling(unit), layer: None, color: Color::Aci(7), block: None };
+    let ground = Context {
+        placement: Placement::scaling(unit),
+        layer: None,
+        color: Color::Aci(7),
+        appearance: Appearance::usual(),
+        block: None,
+    };
     // Entities outside blocks are needed only once, so they are read one by one to save memory.
     for index in reader.structure.drawn.iter().cloned().flatten() {
         if let Some(sheet) = &sheet
@@ -128,6 +133,8 @@ struct Context {
     layer: Option<String>,
     /// The colour that replaces BYBLOCK.
     color: Color,
+    /// What replaces BYBLOCK in the appearance of entities.
+    appearance: Appearance,
     /// The block whose definition is drawn.
     block: Option<Arc<str>>,
 }
@@ -242,12 +249,12 @@ impl<'u> Unfolding<'u> {
             let first = || (0, structure.name(self.scan, record));
             self.result.hairlines.get_or_insert_with(first).0 += 1;
         }
-        if (is_hairline || matches!(item, Item::Curve(_))) && record.is_dashed(entry) {
+        let appearance = record.appearance(entry, context.appearance);
+        if matches!(item, Item::Curve(_) | Item::Wide(_)) && appearance.is_dashed {
             let first = || (0, structure.name(self.scan, record));
             self.result.dashed.get_or_insert_with(first).0 += 1;
         }
-        if let (Item::Curve(_), Some(weight)) =
-            (item, record.line_weight(entry).filter(|w| *w > USUAL_WEIGHT))
+        if let (Item::Curve(_), Some(weight)) = (item, appearance.line_weight().filter(|w| *w > USUAL_WEIGHT))
             && is_among(self.ink_layers, layer)
         {
             let first = || HeavyLines { count: 0, first: structure.name(self.scan, record), widest: 0.0 };
@@ -455,11 +462,13 @@ impl<'u> Unfolding<'u> {
         placement: Placement,
         (layer, block): (&str, Option<Arc<str>>),
     ) -> Context {
+        let entry = self.structure.entry(layer);
         let color = match own_color(insert, context) {
-            Color::ByLayer => self.structure.entry(layer).map_or(Color::Aci(7), |entry| entry.color),
+            Color::ByLayer => entry.map_or(Color::Aci(7), |entry| entry.color),
             own => own,
         };
-        Context { placement, layer: Some(layer.to_owned()), color, block }
+        let appearance = insert.appearance(entry, context.appearance);
+        Context { placement, layer: Some(layer.to_owned()), color, appearance, block }
     }
 
     fn shape(

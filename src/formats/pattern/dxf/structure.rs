@@ -69,10 +69,46 @@ pub(super) struct LayerRecord {
     pub(super) frozen: bool,
     pub(super) off: bool,
     pub(super) plotted: bool,
-    /// Whether its lines are drawn as dashes or dots.
-    is_dashed: bool,
+    appearance: Appearance,
+}
+
+/// How an entity is shown in the drawing, apart from its colour.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Appearance {
+    /// Whether its lines have dashes or dots.
+    pub(super) is_dashed: bool,
     /// The width in which its lines are plotted, in 1/100 mm; below 0 for the program's default.
     line_weight: i16,
+}
+
+impl Appearance {
+    /// That of an entity outside any block if neither it nor its layer states another one.
+    pub(super) fn usual() -> Self {
+        Self { is_dashed: false, line_weight: -3 }
+    }
+
+    /// The width in which lines are plotted, mm; `None` for the program's default.
+    pub(super) fn line_weight(&self) -> Option<f64> {
+        (self.line_weight >= 0).then(|| f64::from(self.line_weight) / 100.0)
+    }
+}
+
+/// A property as an entity gives it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Given<T> {
+    ByLayer,
+    ByBlock,
+    Own(T),
+}
+
+impl<T> Given<T> {
+    fn from(self, of_layer: T, of_block: T) -> T {
+        match self {
+            Self::ByLayer => of_layer,
+            Self::ByBlock => of_block,
+            Self::Own(own) => own,
+        }
+    }
 }
 
 /// An entry of the text style table.
@@ -122,11 +158,10 @@ pub(super) struct Record {
     pub(super) color: RecordColor,
     pub(super) in_paper_space: bool,
     pub(super) hidden: bool,
-    /// Whether its line type has dashes or dots; `None` for the line type of its layer.
-    is_dashed: Option<bool>,
-    /// The width in which it is plotted, in 1/100 mm, below 0 for that of its block or the program's default; `None` for that of
-    /// its layer.
-    line_weight: Option<i16>,
+    /// Whether its line type has dashes or dots.
+    is_dashed: Given<bool>,
+    /// The width in which it is plotted, in 1/100 mm; below 0 for the program's default.
+    line_weight: Given<i16>,
 }
 
 /// A colour as the entity gives it.
@@ -229,16 +264,13 @@ impl Structure {
 }
 
 impl Record {
-    /// Whether the entity is drawn as dashes or dots, on this layer.
-    pub(super) fn is_dashed(&self, layer: Option<&LayerRecord>) -> bool {
-        self.is_dashed.unwrap_or(layer.is_some_and(|layer| layer.is_dashed))
-    }
-
-    /// The width in which lines of the entity are plotted on this layer, mm; `None` for that of its block or the program's default.
-    pub(super) fn line_weight(&self, layer: Option<&LayerRecord>) -> Option<f64> {
-        let of_layer = || layer.map(|layer| layer.line_weight);
-        let weight = self.line_weight.or_else(of_layer)?;
-        (weight >= 0).then(|| f64::from(weight) / 100.0)
+    /// How the entity is shown on this layer, in an insert that is shown as `of_block`.
+    pub(super) fn appearance(&self, layer: Option<&LayerRecord>, of_block: Appearance) -> Appearance {
+        let of_layer = layer.map_or(Appearance::usual(), |layer| layer.appearance);
+        Appearance {
+            is_dashed: self.is_dashed.from(of_layer.is_dashed, of_block.is_dashed),
+            line_weight: self.line_weight.from(of_layer.line_weight, of_block.line_weight),
+        }
     }
 
     /// The pairs of the entity; the first one is its type.
@@ -383,8 +415,7 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
         frozen: false,
         off: false,
         plotted: true,
-        is_dashed: false,
-        line_weight: -3,
+        appearance: Appearance::usual(),
     };
     let (mut aci, mut rgb) = (None, None);
     for pair in pairs.iter().take_while(|pair| pair.code < 1000) {
@@ -396,9 +427,9 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
                 aci = Some(integer().unsigned_abs());
             }
             70 => layer.frozen = integer() & 1 == 1,
-            6 => layer.is_dashed = is_dashed(scan.raw(pair)) == Some(true),
+            6 => layer.appearance.is_dashed = is_dashed(scan.raw(pair)) == Given::Own(true),
             290 => layer.plotted = integer() != 0,
-            370 => layer.line_weight = line_weight(scan, pair).unwrap_or(-3),
+            370 => layer.appearance.line_weight = line_weight(scan, pair).from(-3, -3),
             420 => rgb = Some(rgb_of(integer())),
             _ => {}
         }
@@ -471,15 +502,23 @@ fn layout(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
     }
 }
 
-/// Whether lines of this type have gaps; `None` for BYLAYER. BYBLOCK is treated as continuous.
-fn is_dashed(line_type: &[u8]) -> Option<bool> {
+/// Whether lines of this type have gaps.
+fn is_dashed(line_type: &[u8]) -> Given<bool> {
     let is = |name: &[u8]| line_type.eq_ignore_ascii_case(name);
-    if is(b"BYLAYER") || is(b"") { None } else { Some(!is(b"CONTINUOUS") && !is(b"BYBLOCK")) }
+    match line_type {
+        _ if is(b"BYLAYER") || is(b"") => Given::ByLayer,
+        _ if is(b"BYBLOCK") => Given::ByBlock,
+        _ => Given::Own(!is(b"CONTINUOUS")),
+    }
 }
 
-/// A line weight in 1/100 mm; `None` for BYLAYER (−1).
-fn line_weight(scan: &Scan<'_>, pair: &Pair) -> Option<i16> {
-    scan.number(pair).map(|number| number as i16).filter(|weight| *weight != -1)
+/// A line weight in 1/100 mm.
+fn line_weight(scan: &Scan<'_>, pair: &Pair) -> Given<i16> {
+    match scan.number(pair).map(|number| number as i16) {
+        None | Some(-1) => Given::ByLayer,
+        Some(-2) => Given::ByBlock,
+        Some(weight) => Given::Own(weight),
+    }
 }
 
 fn rgb_of(value: i64) -> [u8; 3] {
@@ -529,8 +568,8 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
         color: RecordColor::Own(Color::ByLayer),
         in_paper_space: false,
         hidden: false,
-        is_dashed: None,
-        line_weight: None,
+        is_dashed: Given::ByLayer,
+        line_weight: Given::ByLayer,
     };
     // Groups in braces belong to other programs, and so does everything after the first application name (1001). In an
     // embedded object the codes have other meanings.

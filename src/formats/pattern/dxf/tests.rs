@@ -369,3 +369,63 @@ fn the_preview_of_a_hatch_is_no_boundary() {
         }
     }
 }
+
+/// A tables section with the layers SOLID and DASHED, whose lines are 0.5 mm wide.
+fn dashed_layers() -> String {
+    let layer = |name: &str, line_type: &str, weight: i32| {
+        format!("0\nLAYER\n2\n{name}\n70\n0\n62\n7\n6\n{line_type}\n370\n{weight}\n")
+    };
+    let layers = layer("SOLID", "CONTINUOUS", -3) + &layer("DASHED", "HIDDEN", 50);
+    section("TABLES", &format!("0\nTABLE\n2\nLAYER\n70\n2\n{layers}0\nENDTAB\n"))
+}
+
+/// AutoCAD shows the gaps of a wide line, too.
+#[test]
+fn dashed_lines_with_a_width_are_reported() {
+    let old = |width: f64, groups: &str| {
+        let vertex = |x: u32| format!("0\nVERTEX\n8\nSOLID\n10\n{x}\n20\n0\n");
+        format!(
+            "0\nPOLYLINE\n8\nSOLID\n{groups}66\n1\n40\n{width}\n41\n{width}\n70\n0\n{}{}0\nSEQEND\n",
+            vertex(0),
+            vertex(50)
+        )
+    };
+    let light =
+        |width: f64, groups: &str| polyline(width).replace("8\nMARK\n", &format!("8\nSOLID\n{groups}"));
+    for groups in ["", "6\nDASHED\n", "6\nCONTINUOUS\n", "6\nByBlock\n"] {
+        for line in [light(1.0, groups), light(0.001, groups), light(0.0, groups), old(1.0, groups)] {
+            let reading = read(&drawing(&dashed_layers(), &line, ""), &PatternOptions::default()).unwrap();
+            assert_eq!(notice(&reading, "dashed-whole").is_some(), groups == "6\nDASHED\n", "{line}");
+        }
+    }
+}
+
+#[test]
+fn lines_have_the_line_type_and_weight_of_their_block() {
+    let notices = |line: &str, insert: &str| {
+        let block =
+            |name: &str, content: &str| format!("0\nBLOCK\n2\n{name}\n10\n0\n20\n0\n{content}0\nENDBLK\n");
+        let blocks = block("IN", &format!("0\nLINE\n{line}10\n0\n20\n0\n11\n9\n21\n0\n"))
+            + &block("OUT", "0\nINSERT\n8\n0\n6\nBYBLOCK\n370\n-2\n2\nIN\n10\n0\n20\n0\n");
+        let before = dashed_layers() + &section("BLOCKS", &blocks);
+        ["IN", "OUT"].map(|name| {
+            let insert = format!("0\nINSERT\n{insert}2\n{name}\n10\n0\n20\n0\n");
+            let reading = read(&drawing(&before, &insert, ""), &PatternOptions::default()).unwrap();
+            ["dashed-whole", "line-weight-unused"].map(|code| notice(&reading, code).is_some())
+        })
+    };
+    let by_block = "8\nSOLID\n6\nBYBLOCK\n370\n-2\n";
+    for (line, insert, expected) in [
+        (by_block, "8\nSOLID\n6\nHIDDEN\n370\n50\n", [true; 2]),
+        (by_block, "8\nDASHED\n", [true; 2]),
+        (by_block, "8\nSOLID\n", [false; 2]),
+        (by_block, "8\nDASHED\n6\nCONTINUOUS\n370\n25\n", [false; 2]),
+        (by_block, "8\nSOLID\n6\nBYBLOCK\n370\n-2\n", [false; 2]),
+        // On layer 0 in a block, the layer is that of the insert.
+        ("8\n0\n", "8\nDASHED\n", [true; 2]),
+        ("8\nSOLID\n", "8\nDASHED\n6\nHIDDEN\n370\n50\n", [false; 2]),
+        ("8\nSOLID\n6\nHIDDEN\n370\n50\n", "8\nSOLID\n", [true; 2]),
+    ] {
+        assert_eq!(notices(line, insert), [expected; 2], "{line:?} {insert:?}");
+    }
+}
