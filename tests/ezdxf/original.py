@@ -56,13 +56,16 @@ class Drawing:
             if kind == "INSERT":
                 for insert in entity.multi_insert() if entity.mcount > 1 else [entity]:
                     yield from self.parts(insert.virtual_entities(), layer, color)
-                yield from self.parts((a for a in entity.attribs if not a.is_invisible), layer, color)
+                    yield from self.parts((a for a in insert.attribs if not a.is_invisible), layer, color)
                 continue
             if kind == "DIMENSION":
                 yield from self.parts(entity.virtual_entities(), layer, color)
                 continue
             if entry and (entry.is_off() or not entry.dxf.plot or entry.dxf.name.upper() == "DEFPOINTS"):
                 continue
+            if kind == "ATTRIB" and entity.has_embedded_mtext_entity:
+                entity, kind = entity.virtual_mtext_entity(), "MTEXT"
+                entity.doc = self.doc
             if kind == "MTEXT":
                 before = len(self.scratch)
                 with MTextExplode(self.scratch) as explode:

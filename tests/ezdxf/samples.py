@@ -107,6 +107,34 @@ msp.add_blockref("STAR", (0, 30), dxfattribs={"layer": "ARRAY", "column_count": 
 msp.add_blockref("STAR", (90, 0), dxfattribs={"layer": "MIRRORED", "extrusion": (0, 0, -1), "rotation": 25})
 doc.saveas(file)
 
+for version in ["R2013", "R2018"]:
+    doc, msp, file = drawing(f"attributes-{version}".lower(), version)
+    doc.blocks.new("EMPTY")
+    for index, (align, points) in enumerate(
+        [
+            (Align.LEFT, [(0, 0)]),
+            (Align.CENTER, [(50, 0)]),
+            (Align.TOP_RIGHT, [(100, 0)]),
+            (Align.FIT, [(0, 20), (30, 25)]),
+            (Align.ALIGNED, [(0, 30), (30, 25)]),
+        ]
+    ):
+        insert = msp.add_blockref("EMPTY", (0, 0))
+        attributes = {"style": "SANS", "height": 3, "layer": align.name}
+        insert.add_attrib("LOT", "Stretched", dxfattribs=attributes).set_placement(*points, align=align)
+    insert = msp.add_blockref("EMPTY", (0, 0))
+    attributes = {"style": "SANS", "height": 3, "layer": "BACKWARD", "text_generation_flag": 2}
+    insert.add_attrib("LOT", "Lot 4711", (50, 50), dxfattribs=attributes)
+    grid = {"column_count": 3, "row_count": 2, "column_spacing": 30, "row_spacing": 12, "rotation": 25}
+    insert = msp.add_blockref("EMPTY", (0, 60), dxfattribs=grid)
+    insert.add_attrib("LOT", "Lot 47", (0, 60), dxfattribs={"style": "SANS", "height": 3, "layer": "GRID"})
+    if version == "R2018":
+        insert = msp.add_blockref("EMPTY", (0, 0))
+        lines = insert.add_attrib("LOT", "", dxfattribs={"layer": "LINES"})
+        attributes = {"style": "SANS", "char_height": 3, "insert": (-50, 40), "rotation": 20, "layer": "LINES"}
+        lines.embed_mtext(msp.add_mtext("First line\\PSecond one\\PThird", dxfattribs=attributes))
+    doc.saveas(file)
+
 doc, msp, file = drawing("hatch-edges")
 
 
