@@ -122,6 +122,8 @@ pub(super) struct TextStyle {
     pub(super) width: f64,
     /// Slant of the letters, rad.
     pub(super) oblique: f64,
+    /// Whether letters are below each other.
+    pub(super) is_vertical: bool,
 }
 
 /// A block definition.
@@ -238,6 +240,11 @@ impl Structure {
     /// The unit in which a sheet is plotted, if the file states it.
     pub(super) fn sheet_unit(&self, sheet: &Sheet) -> Option<DrawingUnit> {
         self.sheet_units.get(&sheet.block).copied()
+    }
+
+    /// The text style of this name, by default `Standard`.
+    pub(super) fn style(&self, name: &str) -> Option<&TextStyle> {
+        self.styles.get(&if name.is_empty() { "STANDARD".into() } else { name.to_uppercase() })
     }
 
     /// The entry of the layer table with this name, in upper or lower case.
@@ -444,7 +451,8 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
 }
 
 fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
-    let mut style = TextStyle { file: String::new(), family: None, width: 1.0, oblique: 0.0 };
+    let mut style =
+        TextStyle { file: String::new(), family: None, width: 1.0, oblique: 0.0, is_vertical: false };
     let (mut name, mut marks) = (String::new(), 0);
     let mut application: &[u8] = b"";
     for pair in pairs {
@@ -454,6 +462,7 @@ fn style(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
             1001 => application = scan.raw(pair),
             2 => name = scan.text(pair),
             3 => style.file = scan.text(pair),
+            70 => style.is_vertical = number() as i64 & 4 != 0,
             41 if number() > 0.0 => style.width = number(),
             50 => style.oblique = number().to_radians(),
             // In the data of the application ACAD: the family of a TrueType font, and bits for bold and italic.

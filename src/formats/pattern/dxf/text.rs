@@ -31,6 +31,9 @@ const THICKNESS: f64 = 0.08;
 /// The reason for skipping texts of blanks; no ink is lost.
 const BLANK: &str = "it is blank";
 
+/// The reason for skipping texts whose letters are below each other.
+const VERTICAL: &str = "it is written vertically: convert it to outlines in the drawing program";
+
 /// Longest text, bytes.
 const LONGEST: usize = 50_000;
 /// Number of letters of a font's name in messages.
@@ -63,7 +66,8 @@ pub(super) fn single_line(
     let (text, found) = expand(&text, Syntax::Line, content);
     fields.extend(found);
     let letters = letters(&text, scan.page_of_letters());
-    let font = Font::of(structure, &string(7));
+    let style = structure.style(&string(7));
+    let font = Font::of(style);
     let row = match font.row(&letters, 1.0, uses, budget) {
         Ok(row) => row,
         Err(why) => return Ok(Item::Skipped(why.into())),
@@ -74,6 +78,9 @@ pub(super) fn single_line(
     let height = groups.or(40, 0.0);
     if !(height > 0.0) {
         return Ok(Item::DrawsNothing("its height is 0"));
+    }
+    if style.is_some_and(|style| style.is_vertical) {
+        return Ok(Item::Skipped(VERTICAL.into()));
     }
     let vertical = groups.flags(if kind == "TEXT" { 73 } else { 74 });
     let horizontal = groups.flags(72);
@@ -175,10 +182,9 @@ impl Font {
         Self { asked, face, is_exact }
     }
 
-    /// The font of a text style, by default of `Standard`.
-    fn of(structure: &Structure, style: &str) -> Self {
-        let name = if style.is_empty() { "STANDARD".into() } else { style.to_uppercase() };
-        match structure.styles.get(&name) {
+    /// The font of a text style.
+    fn of(style: Option<&TextStyle>) -> Self {
+        match style {
             Some(TextStyle { family: Some(family), .. }) => Self::named(family, true),
             Some(style) => Self::named(&style.file, false),
             None => Self::named("txt", false),

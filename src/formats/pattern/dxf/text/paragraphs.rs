@@ -14,11 +14,14 @@ use super::super::items::{Item, Reader};
 use super::super::scan::{Pair, Scan};
 use super::super::structure::{Record, RecordColor};
 use super::codes::{Letter, RuleKind, Ruled, Token, tokens};
-use super::{BLANK, Font, FontUses, LONGEST, Row, TOO_LONG, by_precedence, sheared, without_text};
+use super::{BLANK, Font, FontUses, LONGEST, Row, TOO_LONG, VERTICAL, by_precedence, sheared, without_text};
 use crate::geometry::pattern::Color;
 
 /// Distance of baselines for letters 1 high, at a line spacing of 1.
 const LEADING: f64 = 5.0 / 3.0;
+/// Directions of a text (72); others are that of its style.
+const HORIZONTAL: i64 = 1;
+const TOP_TO_BOTTOM: i64 = 3;
 /// The background of a text has a colour.
 const FILLED: i64 = 1;
 /// The background of a text has the colour of the drawing window.
@@ -132,7 +135,7 @@ fn set_out(
     budget: &mut Budget,
 ) -> Result<Item, PatternReadError> {
     let wanted = |code| {
-        matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 44 | 45 | 50 | 71 | 73 | 90 | 210 | 220 | 230)
+        matches!(code, 10 | 20 | 30 | 11 | 21 | 31 | 40 | 41 | 44 | 45 | 50 | 71..=73 | 90 | 210 | 220 | 230)
     };
     let groups = Groups::read(scan, structure, record, pairs, wanted)?;
     let height = groups.or(40, 0.0);
@@ -146,13 +149,13 @@ fn set_out(
     let (text, found) = expand(&text, Syntax::Paragraph, content);
     fields.extend(found);
     let style = scan.whole_text(own(scan, pairs).filter(|pair| pair.code == 7).last());
-    let style_record = structure.styles.get(&style.to_uppercase());
+    let style = structure.style(&style);
     let format = Format {
-        font: Font::of(structure, &style),
+        font: Font::of(style),
         height,
-        width: style_record.map_or(1.0, |style| style.width),
+        width: style.map_or(1.0, |style| style.width),
         tracking: 1.0,
-        oblique: style_record.map_or(0.0, |style| style.oblique),
+        oblique: style.map_or(0.0, |style| style.oblique),
         ruled: Ruled::default(),
         align: 0,
         color: None,
@@ -195,6 +198,14 @@ fn set_out(
     }
     if items.is_empty() {
         return Ok(Item::DrawsNothing(BLANK));
+    }
+    let is_vertical = match groups.flags(72) {
+        HORIZONTAL => false,
+        TOP_TO_BOTTOM => true,
+        _ => style.is_some_and(|style| style.is_vertical),
+    };
+    if is_vertical {
+        return Ok(Item::Skipped(VERTICAL.into()));
     }
     // The insertion point is a corner, the middle of a side or the centre of the text.
     let shift = Vector3::new(

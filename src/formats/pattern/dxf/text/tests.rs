@@ -183,3 +183,34 @@ fn only_the_data_of_autocad_names_the_font_of_a_style() {
         assert!(message.unwrap_or_default().contains(name.unwrap_or_default()), "{file} {data}");
     }
 }
+
+/// Like vertical texts of an SVG, they would have another extent and other places of the letters.
+#[test]
+fn vertical_texts_are_skipped_with_the_reason() {
+    let text = "0\nTEXT\n8\n0\n10\n5\n20\n7\n40\n5\n7\nOWN\n1\nAB\n";
+    let paragraph = |flow: &str| format!("0\nMTEXT\n8\n0\n10\n5\n20\n7\n40\n5\n71\n1\n{flow}1\nAB\n7\nOWN\n");
+    for (flags, text, is_vertical) in [
+        (0, text.to_owned(), false),
+        (4, text.to_owned(), true),
+        (64, text.to_owned(), false),
+        (68, text.replace("\nAB\n", "\n \n"), false),
+        (0, paragraph("72\n1\n"), false),
+        (0, paragraph("72\n3\n"), true),
+        (0, paragraph("72\n5\n"), false),
+        (4, paragraph("72\n1\n"), false),
+        (4, paragraph("72\n5\n"), true),
+        (4, paragraph(""), true),
+    ] {
+        let reading = styled(flags, "txt.shx", "", &text);
+        let lost: Vec<&str> =
+            reading.facts.skipped.iter().filter(|s| s.is_ink).map(|s| s.why.as_ref()).collect();
+        let why = "it is written vertically: convert it to outlines in the drawing program";
+        assert_eq!(lost, if is_vertical { vec![why] } else { Vec::new() }, "{flags} {text}");
+        assert_eq!(shapes(&reading).is_empty(), is_vertical || text.contains("\n \n"), "{flags} {text}");
+        assert_eq!(
+            notice(&reading, "font-replaced").is_some(),
+            !shapes(&reading).is_empty(),
+            "{flags} {text}"
+        );
+    }
+}
