@@ -505,6 +505,13 @@ const CODES: &[Code] = &[
          or a place where the part is less curved helps.",
     ]),
     notice([
+        "fills-not-shown",
+        "Fills are marked that the drawing does not show.",
+        "`$FILLMODE` is 0 in the DXF file. AutoCAD then shows no hatches, and only the outlines of solids and wide polylines. isomark marks \
+         them as in any other drawing.",
+        "Delete the fills that must not be marked. Otherwise set `FILLMODE` to 1 in the drawing program, and save the drawing again.",
+    ]),
+    notice([
         "fills-outlined",
         "Filled areas are written as outlines.",
         "HATCH and SOLID entities become closed contours. The corrected drawing contains no lines that fill them, because \
@@ -1628,6 +1635,13 @@ const CODES: &[Code] = &[
         "The layers of the drawing are tiles of a mark round a part (`--rotary`). The part turns between them, so its lines cannot be \
          marked in one pass on a belt.",
         "Plan one tile at a time (`--tiles-as files`), and add the time that the rotary axis needs to turn.",
+    ]),
+    notice([
+        "point-symbols",
+        "Points that the drawing shows as symbols are marked as dots.",
+        "`$PDMODE` in the DXF file gives all points of the drawing a symbol, such as a cross or a circle. A laser marks the point itself. If \
+         `$PDMODE` is 1, the drawing shows no points, and none is marked.",
+        "To mark symbols, draw them as lines or blocks. Otherwise set `PDMODE` to 0 in the drawing program, and save the drawing again.",
     ]),
     reason([
         "pose-not-determined",

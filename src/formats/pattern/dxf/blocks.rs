@@ -12,7 +12,7 @@ use super::curves::{Curve, Placement, vanishing};
 use super::items::{Grid, Insert, Item, Reader, Remarks, WideLine};
 use super::masks::Mask;
 use super::scan::Scan;
-use super::structure::{Appearance, LayerRecord, Record, RecordColor, Structure};
+use super::structure::{Appearance, LayerRecord, PointMode, Record, RecordColor, Structure};
 use crate::formats::pattern::{PatternOptions, Skipped, Space, is_among};
 use crate::geometry::pattern::{Color, Path, SAME_POINT, Shape, Source};
 use crate::geometry::space::{Extents, FlatPoint};
@@ -39,14 +39,28 @@ pub(super) struct Unfolded {
     /// Lowest and highest z of the drawing, mm.
     pub(super) heights: Option<(f64, f64)>,
     pub(super) skipped: Vec<Skipped>,
-    /// Number of lines with dashes or dots in the drawing, which are read without gaps, and the first of them.
-    pub(super) dashed: Option<(usize, EntityName)>,
+    /// What looks different in the drawing program.
+    pub(super) looks: Looks,
     /// Lines that are plotted much wider than a laser's line.
     pub(super) heavy: Option<HeavyLines>,
     /// Entities of the inventory that produced several strokes or a fill, such as texts and wide lines.
     pub(super) drawn: BTreeSet<usize>,
-    /// Number of lines that are drawn without their width, because it is less than that of a beam, and the first of them.
-    pub(super) hairlines: Option<(usize, EntityName)>,
+    /// Lines that are drawn without their width, because it is less than that of a beam.
+    pub(super) hairlines: Found,
+}
+
+/// Number of entities of some kind, and the first of them.
+pub(super) type Found = Option<(usize, EntityName)>;
+
+/// Entities that look different in the drawing program.
+#[derive(Default)]
+pub(super) struct Looks {
+    /// Lines with dashes or dots, which are read without gaps.
+    pub(super) dashed: Found,
+    /// Points that are shown as symbols.
+    pub(super) symbols: Found,
+    /// Filled areas and hatches, if the drawing shows no fills.
+    pub(super) unfilled: Found,
 }
 
 /// Lines with a large line weight, which are read as lines without a width.
@@ -245,19 +259,30 @@ impl<'u> Unfolding<'u> {
         }
         let color = own_color(record, context);
         let is_hairline = matches!(item, Item::Wide(line) if self.is_hairline(line, context));
+        let name = || structure.name(self.scan, record);
         if is_hairline {
-            let first = || (0, structure.name(self.scan, record));
-            self.result.hairlines.get_or_insert_with(first).0 += 1;
+            count(&mut self.result.hairlines, name);
         }
         let appearance = record.appearance(entry, context.appearance);
         if matches!(item, Item::Curve(_) | Item::Wide(_)) && appearance.is_dashed {
-            let first = || (0, structure.name(self.scan, record));
-            self.result.dashed.get_or_insert_with(first).0 += 1;
+            count(&mut self.result.looks.dashed, name);
+        }
+        if matches!((item, structure.header.points), (Item::Dot(_), PointMode::Symbols(_))) {
+            count(&mut self.result.looks.symbols, name);
+        }
+        let is_hatch = matches!(structure.kind(record), "HATCH" | "MPOLYGON");
+        let is_fill = match item {
+            Item::Fill(_) => true,
+            Item::Wide(_) => !is_hairline,
+            _ => false,
+        };
+        if structure.header.hides_fills && (is_fill || is_hatch && matches!(item, Item::Several(_))) {
+            count(&mut self.result.looks.unfilled, name);
         }
         if let (Item::Curve(_), Some(weight)) = (item, appearance.line_weight().filter(|w| *w > USUAL_WEIGHT))
             && is_among(self.ink_layers, layer)
         {
-            let first = || HeavyLines { count: 0, first: structure.name(self.scan, record), widest: 0.0 };
+            let first = || HeavyLines { count: 0, first: name(), widest: 0.0 };
             let heavy = self.result.heavy.get_or_insert_with(first);
             heavy.count += 1;
             heavy.widest = heavy.widest.max(weight);
@@ -280,10 +305,8 @@ impl<'u> Unfolding<'u> {
         let before = self.spent();
         self.item(index, record, item, context, look)?;
         // What is not drawn is listed once.
-        let is_drawn = !matches!(
-            item,
-            Item::Template | Item::DrawsNothing(_) | Item::Construction(_) | Item::Skipped(_)
-        );
+        let is_drawn =
+            !matches!(item, Item::Template | Item::DrawsNothing(_) | Item::Unseen(_) | Item::Skipped(_));
         let copies = if is_drawn { grid.copies() } else { 1 };
         if copies > 1 {
             self.check_copies(before, copies, record)?;
@@ -318,7 +341,7 @@ impl<'u> Unfolding<'u> {
             Item::DrawsNothing(why) => {
                 self.skip(index, record, look.layer, (*why).into(), Missing::Nothing);
             }
-            Item::Construction(why) => {
+            Item::Unseen(why) => {
                 self.skip(index, record, look.layer, (*why).into(), Missing::Hidden);
             }
             Item::Skipped(why) => self.skip(index, record, look.layer, why.clone(), Missing::Ink),
@@ -592,6 +615,10 @@ impl<'u> Unfolding<'u> {
     fn too_many(&self, what: &'static str, limit: usize, record: &Record) -> PatternReadError {
         PatternReadError::TooMany { what, limit, entity: Some(self.structure.name(self.scan, record)) }
     }
+}
+
+fn count(found: &mut Found, name: impl FnOnce() -> EntityName) {
+    found.get_or_insert_with(|| (0, name())).0 += 1;
 }
 
 /// The final layer of an entity, and its entry in the layer table.

@@ -9,7 +9,7 @@ use super::groups::{Groups, embedded};
 use super::items::{Grid, Insert, Item, Reader, Remarks};
 use super::scan::{Kind, kind_of};
 use super::splines::{ControlSpline, by_control_points, through_fit_points};
-use super::structure::Record;
+use super::structure::{PointMode, Record};
 use super::{hatch, polylines, text};
 
 impl Reader<'_> {
@@ -70,6 +70,9 @@ impl Reader<'_> {
             "LINE" | "3DLINE" => {
                 let line = groups(&[10, 20, 30, 11, 21, 31])?;
                 Item::Curve(through(&[line.point(10), line.point(11)], false))
+            }
+            "POINT" if self.structure.header.points == PointMode::Hidden => {
+                Item::Unseen("the drawing shows no points ($PDMODE is 1): set it to 0 to mark them as dots")
             }
             "POINT" => Item::Dot(groups(&[10, 20, 30])?.point(10)),
             "CIRCLE" => {
@@ -146,7 +149,7 @@ impl Reader<'_> {
             "VIEWPORT" => Item::DrawsNothing("it is a viewport of a layout"),
             "LIGHT" | "CAMERA" => Item::DrawsNothing("it is not plotted"),
             "SEQEND" => Item::DrawsNothing("it does not belong to a polyline or a block"),
-            "RAY" | "XLINE" => Item::Construction("it is infinite: trim it to a line"),
+            "RAY" | "XLINE" => Item::Unseen("it is infinite: trim it to a line"),
             kind => Item::Skipped(why_not(kind).into()),
         })
     }

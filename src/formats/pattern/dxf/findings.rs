@@ -9,11 +9,11 @@ use super::super::findings::{MAX_PLACES, content, counted, only_without_font, re
 use super::super::reading::size_notice;
 use super::super::units::DrawingUnit;
 use super::PatternOptions;
-use super::blocks::HeavyLines;
+use super::blocks::{HeavyLines, Looks};
 use super::code_page::CodePage;
 use super::items::Remarks;
 use super::scan::Scan;
-use super::structure::{LayerRecord, Structure};
+use super::structure::{LayerRecord, PointMode, Structure};
 use crate::formats::pattern::Space;
 use crate::geometry::pattern::{Layer, Path};
 use crate::reason::Notice;
@@ -190,11 +190,11 @@ pub(super) fn height_notice(heights: Option<(f64, f64)>) -> Option<Notice> {
     Some(Notice::warning("not-flat", message))
 }
 
-/// Notices about lines that look different in the drawing program: wide, dashed or clipped.
+/// Notices about what looks different in the drawing program: wide, dashed or clipped lines, symbols and fills.
 pub(super) fn look_notices(
     structure: &Structure,
     remarks: &Remarks,
-    dashed: Option<&(usize, EntityName)>,
+    looks: &Looks,
     facts: &mut PatternFacts,
 ) {
     if !remarks.wide.is_empty() {
@@ -204,7 +204,7 @@ pub(super) fn look_notices(
         );
         facts.notices.push(Notice::note("wide-lines", message));
     }
-    if let Some((count, first)) = dashed {
+    if let Some((count, first)) = &looks.dashed {
         let message = format!(
             "{} dashes or dots in the drawing but marked without gaps (first: {first}); to mark the gaps, explode the \
              line type in the drawing program",
@@ -221,6 +221,22 @@ pub(super) fn look_notices(
         facts.notices.push(Notice::warning("clipped-whole", message));
     }
     let header = &structure.header;
+    if let (Some((count, first)), PointMode::Symbols(mode)) = (&looks.symbols, header.points) {
+        let message = format!(
+            "{} as a symbol in the drawing ($PDMODE is {mode}) but marked as a dot (first: {first}); to mark symbols, draw them as lines \
+             or blocks",
+            counted(*count, "point is shown", "points are shown")
+        );
+        facts.notices.push(Notice::warning("point-symbols", message));
+    }
+    if let Some((count, first)) = &looks.unfilled {
+        let message = format!(
+            "{} marked as in any drawing, although this drawing shows no fills ($FILLMODE is 0; first: {first}); delete those that must \
+             not be marked",
+            counted(*count, "filled area or hatch is", "filled areas or hatches are"),
+        );
+        facts.notices.push(Notice::warning("fills-not-shown", message));
+    }
     if let Some(page) = header.code_page.as_ref().filter(|page| {
         header.version.as_str() < "AC1021" && CodePage::named(page).is_none() && page.as_str() != "ascii"
     }) {

@@ -32,8 +32,8 @@ pub(super) enum Item {
     Template,
     /// An entity that draws nothing in any program, with the reason.
     DrawsNothing(&'static str),
-    /// Skipped construction lines, which are not ink, with the reason.
-    Construction(&'static str),
+    /// Skipped construction lines and what the drawing does not show, which are not ink, with the reason.
+    Unseen(&'static str),
     /// Skipped ink, with the reason.
     Skipped(Cow<'static, str>),
 }
@@ -59,7 +59,7 @@ impl Item {
                 insert.placement = placement.after(&insert.placement);
                 Self::Insert(insert)
             }
-            Self::Template | Self::DrawsNothing(_) | Self::Construction(_) | Self::Skipped(_) => self,
+            Self::Template | Self::DrawsNothing(_) | Self::Unseen(_) | Self::Skipped(_) => self,
         }
     }
 }

@@ -107,7 +107,7 @@ fn read_within(
     remarks.texts.retain(|index, _| unfolded.drawn.contains(index));
     remarks.wide.retain(|index| unfolded.drawn.contains(index));
     shared::text_notices(remarks.texts.values(), &mut facts);
-    findings::look_notices(&structure, &remarks, unfolded.dashed.as_ref(), &mut facts);
+    findings::look_notices(&structure, &remarks, &unfolded.looks, &mut facts);
     facts.notices.extend(shared::hairline_notice(unfolded.hairlines.as_ref(), options.hairline));
     facts.notices.extend(findings::heavy_notice(unfolded.heavy.as_ref()));
     shared::drawing_notices(&repaired, &mut facts);

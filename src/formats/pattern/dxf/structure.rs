@@ -56,8 +56,34 @@ pub(super) struct Header {
     pub(super) code_page: Option<String>,
     pub(super) saved_by: Option<String>,
     pub(super) handle_seed: Option<String>,
+    /// `$PDMODE`: how points are shown.
+    pub(super) points: PointMode,
+    /// Whether fills and hatches are not shown (`$FILLMODE` is 0).
+    pub(super) hides_fills: bool,
+    /// `$ATTMODE`: which attributes are shown.
+    pub(super) attributes: AttributeMode,
     /// Number of header variables.
     pub(super) variables: usize,
+}
+
+/// How a drawing shows points.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) enum PointMode {
+    #[default]
+    Dots,
+    Hidden,
+    /// As symbols; the value of `$PDMODE` is the sum of their parts.
+    Symbols(i64),
+}
+
+/// Which attributes a drawing shows.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) enum AttributeMode {
+    None,
+    /// Those that are not invisible.
+    #[default]
+    Visible,
+    All,
 }
 
 /// An entry of the layer table.
@@ -399,6 +425,21 @@ fn header(scan: &Scan<'_>) -> Header {
             (70, b"$MEASUREMENT") => header.measurement = integer(),
             (3, b"$DWGCODEPAGE") => header.code_page = Some(scan.text(pair)),
             (1, b"$LASTSAVEDBY") => header.saved_by = Some(scan.text(pair)).filter(|name| !name.is_empty()),
+            (70, b"$PDMODE") => {
+                header.points = match integer() {
+                    None | Some(0) => PointMode::Dots,
+                    Some(1) => PointMode::Hidden,
+                    Some(symbol) => PointMode::Symbols(symbol),
+                };
+            }
+            (70, b"$FILLMODE") => header.hides_fills = integer() == Some(0),
+            (70, b"$ATTMODE") => {
+                header.attributes = match integer() {
+                    Some(0) => AttributeMode::None,
+                    Some(2) => AttributeMode::All,
+                    _ => AttributeMode::Visible,
+                };
+            }
             (5, b"$HANDSEED") => header.handle_seed = Some(scan.text(pair)),
             _ => {}
         }

@@ -20,7 +20,7 @@ use super::curves::{Curve, Placement, through};
 use super::groups::{Groups, own};
 use super::items::{Item, Reader};
 use super::scan::{Pair, Scan};
-use super::structure::{Record, Structure, TextStyle};
+use super::structure::{AttributeMode, Record, Structure, TextStyle};
 
 /// Lines under, over and through letters, for capitals 1 high: heights above the baseline and thickness.
 const UNDER: f64 = -0.2;
@@ -55,7 +55,7 @@ pub(super) fn single_line(
     let pairs = by_precedence(scan, structure, record);
     let numbers = pairs.iter().copied().filter(|pair| wanted(pair.code));
     let groups = Groups::of(scan, structure, record, numbers)?;
-    if let Some(item) = without_text(kind, &groups) {
+    if let Some(item) = without_text(kind, &groups, structure.header.attributes) {
         return Ok(item);
     }
     let string = |code| scan.whole_text(pairs.iter().copied().rfind(|pair| pair.code == code));
@@ -133,13 +133,16 @@ fn sheared(slant: f64, offset: Vector3<f64>) -> Placement {
 }
 
 /// What an ATTRIB or ATTDEF with these numbers is if its text is not drawn; `None` if it is, as that of a TEXT.
-fn without_text(kind: &str, groups: &Groups) -> Option<Item> {
+fn without_text(kind: &str, groups: &Groups, shown: AttributeMode) -> Option<Item> {
     let flags = groups.flags(70);
     match kind {
         "TEXT" => None,
-        _ if flags & 1 != 0 => Some(Item::DrawsNothing("it is invisible")),
+        _ if flags & 1 != 0 && shown != AttributeMode::All => Some(Item::DrawsNothing("it is invisible")),
         // The text that a user fills in is an ATTRIB; only a constant text is drawn by its definition.
         "ATTDEF" if flags & 2 == 0 => Some(Item::Template),
+        _ if shown == AttributeMode::None => Some(Item::Unseen(
+            "the drawing shows no attributes ($ATTMODE is 0): set it to 1 to mark visible ones",
+        )),
         _ => None,
     }
 }

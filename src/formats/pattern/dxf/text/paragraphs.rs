@@ -120,7 +120,8 @@ pub(in super::super) fn embedded(
 ) -> Result<Item, PatternReadError> {
     let &Reader { scan, structure, .. } = reader;
     let flags = by_precedence(scan, structure, record).into_iter().filter(|pair| pair.code == 70);
-    match without_text(structure.kind(record), &Groups::of(scan, structure, record, flags)?) {
+    let flags = Groups::of(scan, structure, record, flags)?;
+    match without_text(structure.kind(record), &flags, structure.header.attributes) {
         Some(item) => Ok(item),
         None => set_out(reader, record, pairs, remarks, budget),
     }
