@@ -752,6 +752,12 @@ const CODES: &[Code] = &[
         "Check the part in the preview. Update the program that wrote the file.",
     ]),
     notice([
+        "gradients-whole",
+        "Hatches with a gradient are marked completely.",
+        "isomark marks the whole area of a gradient hatch in a DXF file. It does not convert shades to dots (halftone).",
+        "Check that the whole area may be marked, or draw the parts that must be marked.",
+    ]),
+    notice([
         "hairlines-centred",
         "Lines that are narrower than the beam are marked without their width.",
         "The edges of such a line are closer together than the beam is wide, so marking both would mark the same line twice. \
@@ -2188,6 +2194,12 @@ const CODES: &[Code] = &[
         "Nothing to do if the part looks complete.",
     ]),
     notice([
+        "transparent-whole",
+        "Entities are partly transparent.",
+        "A laser marks an entity or does not; entities of a DXF file that are partly transparent are marked like all others.",
+        "Delete the entities that must not be marked.",
+    ]),
+    notice([
         "unit-assumed",
         "The file does not state its unit reliably, so isomark chose one.",
         "The message gives the unit and why it was chosen. If it is a note, the choice is certain or usual; if it is a \
@@ -2248,6 +2260,13 @@ const CODES: &[Code] = &[
         "Weights are set that have no effect.",
         "`aim`, `length_weight` and `angle_weight` under [correction] apply to `weighting = \"ink\"` only.",
         "Remove them, or set `weighting = \"ink\"`.",
+    ]),
+    notice([
+        "white-fills",
+        "White fills are marked like all others.",
+        "In a DXF file, a fill in the true colour white or in colour 255 stays white on paper, and hides what is drawn before it. A laser \
+         cannot do this, so isomark also marks white fills. Colour 7 is black on paper and is not reported.",
+        "Delete the white fills, and trim what they cover. If they must be marked, give them another colour.",
     ]),
     notice([
         "wide-lines",

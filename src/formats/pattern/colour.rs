@@ -1,5 +1,7 @@
 //! The AutoCAD colour table, to find the entry nearest to a true colour.
 
+use crate::geometry::pattern::Color;
+
 /// The entry of the colour table nearest to a true colour; 1 to 255.
 pub(super) fn nearest_index(rgb: [u8; 3]) -> u8 {
     let distance = |index: &u8| {
@@ -7,6 +9,18 @@ pub(super) fn nearest_index(rgb: [u8; 3]) -> u8 {
         entry.iter().zip(rgb).map(|(a, b)| (i32::from(*a) - i32::from(b)).pow(2)).sum::<i32>()
     };
     (1..=255).min_by_key(distance).unwrap_or(7)
+}
+
+/// Channels from this value on are white.
+const WHITE: u8 = 0xf8;
+
+/// Whether a colour is white also on paper; entry 7 of the table is black there.
+pub(super) fn is_white(color: Color) -> bool {
+    match color {
+        Color::Rgb { rgb, .. } => rgb.iter().all(|channel| *channel >= WHITE),
+        Color::Aci(index) => index == 255,
+        Color::ByLayer => false,
+    }
 }
 
 /// Red, green and blue of a table entry as AutoCAD shows it on a dark background.

@@ -75,7 +75,7 @@ pub struct PatternOptions {
     pub picture: RasterOptions,
     /// The values of fields in texts, such as `{serial}`. Default none: the text of a field is drawn as it is.
     pub content: Option<Content>,
-    /// The layers that are marked: notices of line weights leave out lines of others. Default all.
+    /// The layers that are marked: notices of line weights, white fills and transparency leave out others. Default all.
     pub ink_layers: Option<Vec<String>>,
     /// The time limit for reading. Default none.
     pub pace: Pace,

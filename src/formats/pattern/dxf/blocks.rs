@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use super::super::error::{EntityName, PatternReadError};
 use super::budget::{Budget, Cost};
+use super::colour::is_white;
 use super::curves::{Curve, Placement, vanishing};
 use super::items::{Grid, Insert, Item, Reader, Remarks, WideLine};
 use super::masks::Mask;
@@ -61,6 +62,12 @@ pub(super) struct Looks {
     pub(super) symbols: Found,
     /// Filled areas and hatches, if the drawing shows no fills.
     pub(super) unfilled: Found,
+    /// White fills, which hide what is below them.
+    pub(super) white: Found,
+    /// Hatches with a gradient.
+    pub(super) gradients: Found,
+    /// Partly transparent entities.
+    pub(super) transparent: Found,
 }
 
 /// Lines with a large line weight, which are read as lines without a width.
@@ -137,6 +144,12 @@ pub(super) fn unfold(
         }
     }
     unfolding.list_masks()?;
+    for index in remarks.gradients.iter().filter(|index| unfolding.result.drawn.contains(index)) {
+        if let Some(record) = reader.structure.entities.get(*index) {
+            let name = || reader.structure.name(reader.scan, record);
+            count(&mut unfolding.result.looks.gradients, name);
+        }
+    }
     Ok(unfolding.result)
 }
 
@@ -278,6 +291,18 @@ impl<'u> Unfolding<'u> {
         };
         if structure.header.hides_fills && (is_fill || is_hatch && matches!(item, Item::Several(_))) {
             count(&mut self.result.looks.unfilled, name);
+        }
+        let final_color = match color {
+            Color::ByLayer => entry.map_or(Color::Aci(7), |entry| entry.color),
+            own => own,
+        };
+        if is_fill && is_white(final_color) && is_among(self.ink_layers, layer) {
+            count(&mut self.result.looks.white, name);
+        }
+        let is_drawn =
+            is_fill || matches!(item, Item::Dot(_) | Item::Curve(_) | Item::Wide(_) | Item::Several(_));
+        if is_drawn && appearance.is_transparent() && is_among(self.ink_layers, layer) {
+            count(&mut self.result.looks.transparent, name);
         }
         if let (Item::Curve(_), Some(weight)) = (item, appearance.line_weight().filter(|w| *w > USUAL_WEIGHT))
             && is_among(self.ink_layers, layer)

@@ -129,6 +129,9 @@ impl Reader<'_> {
                 });
                 let own = &pairs[mark.unwrap_or(0)..];
                 let numbers = Groups::read(scan, structure, record, own, is_number)?;
+                if numbers.flags(450) != 0 {
+                    remarks.gradients.insert(index);
+                }
                 hatch::hatch(&numbers.0, self.tolerance, budget)
             }
             "DIMENSION" | "ARC_DIMENSION" | "LARGE_RADIAL_DIMENSION" => {

@@ -237,6 +237,28 @@ pub(super) fn look_notices(
         );
         facts.notices.push(Notice::warning("fills-not-shown", message));
     }
+    if let Some((count, first)) = &looks.white {
+        let message = format!(
+            "{} white but marked like all others (first: {first}); if white hides what is below it in the drawing, delete these areas, and \
+             trim what they cover",
+            counted(*count, "filled area is", "filled areas are")
+        );
+        facts.notices.push(Notice::warning("white-fills", message));
+    }
+    if let Some((count, first)) = &looks.gradients {
+        let message = format!(
+            "{} a gradient (first: {first}); the whole area is marked, without shades",
+            counted(*count, "hatch has", "hatches have")
+        );
+        facts.notices.push(Notice::warning("gradients-whole", message));
+    }
+    if let Some((count, first)) = &looks.transparent {
+        let message = format!(
+            "{} partly transparent but marked like all others (first: {first})",
+            counted(*count, "entity is", "entities are")
+        );
+        facts.notices.push(Notice::note("transparent-whole", message));
+    }
     if let Some(page) = header.code_page.as_ref().filter(|page| {
         header.version.as_str() < "AC1021" && CodePage::named(page).is_none() && page.as_str() != "ascii"
     }) {
@@ -300,3 +322,6 @@ pub(super) fn fields(
     };
     found.into_iter().filter_map(of).flatten().collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -119,6 +119,8 @@ pub(super) struct Remarks {
     pub(super) fields: BTreeMap<usize, Vec<FoundField>>,
     /// Whether entities are read without repairs.
     pub(super) strict: bool,
+    /// Hatches with a gradient, by their position in the inventory.
+    pub(super) gradients: BTreeSet<usize>,
     /// Polylines with a width, by their position in the inventory.
     pub(super) wide: BTreeSet<usize>,
     /// Polylines with the extra first point of the old FreeCAD exporter, by their position in the inventory. The point

@@ -105,12 +105,18 @@ pub(super) struct Appearance {
     pub(super) is_dashed: bool,
     /// The width in which its lines are plotted, in 1/100 mm; below 0 for the program's default.
     line_weight: i16,
+    /// 0 for transparent, 255 for opaque.
+    alpha: u8,
 }
 
 impl Appearance {
     /// That of an entity outside any block if neither it nor its layer states another one.
     pub(super) fn usual() -> Self {
-        Self { is_dashed: false, line_weight: -3 }
+        Self { is_dashed: false, line_weight: -3, alpha: 255 }
+    }
+
+    pub(super) fn is_transparent(&self) -> bool {
+        self.alpha < 255
     }
 
     /// The width in which lines are plotted, mm; `None` for the program's default.
@@ -190,6 +196,8 @@ pub(super) struct Record {
     is_dashed: Given<bool>,
     /// The width in which it is plotted, in 1/100 mm; below 0 for the program's default.
     line_weight: Given<i16>,
+    /// 0 for transparent, 255 for opaque.
+    alpha: Given<u8>,
 }
 
 /// A colour as the entity gives it.
@@ -303,6 +311,7 @@ impl Record {
         Appearance {
             is_dashed: self.is_dashed.from(of_layer.is_dashed, of_block.is_dashed),
             line_weight: self.line_weight.from(of_layer.line_weight, of_block.line_weight),
+            alpha: self.alpha.from(of_layer.alpha, of_block.alpha),
         }
     }
 
@@ -482,6 +491,10 @@ fn layer(scan: &Scan<'_>, pairs: &[Pair], found: &mut Structure) {
             _ => {}
         }
     }
+    let mut data = pairs.iter().skip_while(|pair| !scan.is(pair, 1001, b"AcCmTransparency")).skip(1);
+    if let Some(pair) = data.next().filter(|pair| pair.code == 1071) {
+        layer.appearance.alpha = alpha(scan, pair).from(255, 255);
+    }
     // AutoCAD never plots this layer, even if its entry is marked as plotted.
     layer.plotted &= !layer.name.eq_ignore_ascii_case("DEFPOINTS");
     if let Color::Aci(_) | Color::Rgb { .. } = own_color(aci, rgb) {
@@ -571,6 +584,16 @@ fn line_weight(scan: &Scan<'_>, pair: &Pair) -> Given<i16> {
     }
 }
 
+/// An opacity: the highest byte of the number states whether it is that of the layer, of the block, or the lowest byte.
+fn alpha(scan: &Scan<'_>, pair: &Pair) -> Given<u8> {
+    let [.., by, _, _, alpha] = (scan.number(pair).unwrap_or(0.0) as i64).to_be_bytes();
+    match by {
+        0 => Given::ByLayer,
+        1 => Given::ByBlock,
+        _ => Given::Own(alpha),
+    }
+}
+
 fn rgb_of(value: i64) -> [u8; 3] {
     let [_, _, _, _, _, red, green, blue] = value.to_be_bytes();
     [red, green, blue]
@@ -620,6 +643,7 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
         hidden: false,
         is_dashed: Given::ByLayer,
         line_weight: Given::ByLayer,
+        alpha: Given::ByLayer,
     };
     // Groups in braces belong to other programs, and so does everything after the first application name (1001). In an
     // embedded object the codes have other meanings.
@@ -642,6 +666,7 @@ fn record(scan: &Scan<'_>, item: Range<usize>, found: &mut Structure) -> Record 
             67 => record.in_paper_space = flag(),
             370 => record.line_weight = line_weight(scan, pair),
             420 => rgb = Some(rgb_of(scan.number(pair).unwrap_or(0.0) as i64)),
+            440 => record.alpha = alpha(scan, pair),
             _ => {}
         }
     }

@@ -12,18 +12,18 @@ pub(super) fn drawing(before: &str, entities: &str, after: &str) -> Vec<u8> {
     format!("{header}{before}{}{after}0\nEOF\n", section("ENTITIES", entities)).into_bytes()
 }
 
-fn line(length: u32, in_paper_space: bool) -> String {
+pub(super) fn line(length: u32, in_paper_space: bool) -> String {
     let paper = if in_paper_space { "67\n1\n" } else { "" };
     format!("0\nLINE\n8\nMARK\n{paper}10\n0\n20\n0\n11\n{length}\n21\n0\n")
 }
 
-fn polyline(width: f64) -> String {
+pub(super) fn polyline(width: f64) -> String {
     format!(
         "0\nLWPOLYLINE\n5\n2A\n8\nMARK\n90\n3\n70\n0\n43\n{width}\n10\n0\n20\n0\n10\n10\n20\n0\n10\n10\n20\n5\n"
     )
 }
 
-fn length(reading: &PatternReading) -> f64 {
+pub(super) fn length(reading: &PatternReading) -> f64 {
     reading
         .pattern
         .paths
@@ -427,78 +427,5 @@ fn lines_have_the_line_type_and_weight_of_their_block() {
         ("8\nSOLID\n6\nHIDDEN\n370\n50\n", "8\nSOLID\n", [true; 2]),
     ] {
         assert_eq!(notices(line, insert), [expected; 2], "{line:?} {insert:?}");
-    }
-}
-
-/// A drawing with these header variables.
-fn with_header(variables: &str, before: &str, entities: &str) -> PatternReading {
-    let text = String::from_utf8(drawing(before, entities, "")).unwrap();
-    let text = text.replacen("0\nENDSEC\n", &format!("{variables}0\nENDSEC\n"), 1);
-    read(text.as_bytes(), &PatternOptions::default()).unwrap()
-}
-
-fn skipped(reading: &PatternReading) -> Vec<(&str, bool)> {
-    reading.facts.skipped.iter().map(|skipped| (skipped.entity.as_str(), skipped.is_ink)).collect()
-}
-
-/// AutoCAD, system variable PDMODE: 0 is a dot, 1 nothing; all others are symbols.
-#[test]
-fn points_that_are_not_shown_as_dots_are_reported() {
-    let point = "0\nPOINT\n5\n2A\n8\n0\n10\n1\n20\n2\n";
-    let entities = format!("{}{point}", line(7, false));
-    for (variables, is_dot, is_symbol) in [
-        ("", true, false),
-        ("9\n$PDMODE\n70\n0\n", true, false),
-        ("9\n$PDMODE\n70\n1\n", false, false),
-        ("9\n$PDMODE\n70\n3\n", true, true),
-        ("9\n$PDMODE\n70\n34\n9\n$PDSIZE\n40\n5\n", true, true),
-    ] {
-        let reading = with_header(variables, "", &entities);
-        let dots = reading.pattern.paths.iter().filter(|path| matches!(path.shape, Shape::Dot(_)));
-        assert_eq!(dots.count(), usize::from(is_dot), "{variables}");
-        assert_eq!(skipped(&reading), if is_dot { vec![] } else { vec![("POINT", false)] }, "{variables}");
-        let message = notice(&reading, "point-symbols");
-        assert_eq!(message.is_some(), is_symbol, "{variables}");
-        assert!(message.is_none_or(|message| message.contains("1 point is") && message.contains("POINT 2A")));
-    }
-}
-
-/// AutoCAD, system variable FILLMODE.
-#[test]
-fn fills_that_the_drawing_does_not_show_are_reported() {
-    let solid = "0\nSOLID\n8\n0\n10\n0\n20\n0\n11\n5\n21\n0\n12\n0\n22\n5\n13\n5\n23\n5\n";
-    for (entities, is_fill) in
-        [(solid.to_owned(), true), (polyline(1.0), true), (polyline(0.0), false), (polyline(0.01), false)]
-    {
-        for (variables, hides) in
-            [("", false), ("9\n$FILLMODE\n70\n1\n", false), ("9\n$FILLMODE\n70\n0\n", true)]
-        {
-            let message = notice(&with_header(variables, "", &entities), "fills-not-shown");
-            assert_eq!(message.is_some(), is_fill && hides, "{entities} {variables}");
-        }
-    }
-}
-
-/// AutoCAD, system variable ATTMODE: 0 is none, 1 those that are visible, 2 all.
-#[test]
-fn the_attributes_that_the_drawing_shows_are_marked() {
-    let attribute = |flags: u32| {
-        format!(
-            "0\nINSERT\n8\n0\n66\n1\n2\nB\n10\n0\n20\n0\n0\nATTRIB\n8\n0\n10\n0\n20\n0\n40\n5\n1\nA\n2\nT\n70\n{flags}\n0\nSEQEND\n8\n0\n"
-        )
-    };
-    let blocks = section("BLOCKS", "0\nBLOCK\n2\nB\n10\n0\n20\n0\n0\nENDBLK\n");
-    let text = "0\nTEXT\n8\n0\n10\n0\n20\n20\n40\n5\n1\nA\n";
-    for (mode, flags, is_marked) in
-        [(0, 0, false), (0, 1, false), (1, 0, true), (1, 1, false), (2, 0, true), (2, 1, true)]
-    {
-        let reading = with_header(&format!("9\n$ATTMODE\n70\n{mode}\n"), &blocks, &(attribute(flags) + text));
-        let of = |kind: &str| reading.pattern.paths.iter().any(|path| path.source.entity == kind);
-        assert_eq!((of("ATTRIB"), of("TEXT")), (is_marked, true), "{mode} {flags}");
-        assert_eq!(
-            skipped(&reading),
-            if is_marked { vec![] } else { vec![("ATTRIB", false)] },
-            "{mode} {flags}"
-        );
     }
 }
