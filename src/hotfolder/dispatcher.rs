@@ -515,7 +515,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             match self.job_settings(&sku) {
                 Ok(settings) => self.reprocessing.look_at(self.executor, &station, &sku, &settings),
-                Err(_) => self.reprocessing.leave(&sku),
+                Err(_) => self.reprocessing.cannot_read(&sku),
             }
         }
         // A part that is being learned causes another check. A part that is incomplete must not delay the end.

@@ -361,6 +361,35 @@ fn outdated_drawings_are_marked_and_corrected_again_when_asked() {
     assert_eq!(files(&station.path("archive/trough")).iter().filter(|name| name.ends_with("dxf")).count(), 1);
 }
 
+const PLACED: &str = "[placement]\nplace_mm = [3, 0]\n";
+
+/// Settings that were edited before the start and cannot be used yet replace the delivered drawing later in that run.
+fn settings_take_effect_after_a_start(settle_ms: &str, at_start: &str, repair: impl Fn(&Station)) {
+    let mut station = delivered();
+    let first = station.desk.read("import/trough.dxf");
+    let settings = station.desk.text("station.toml").replace("settle_ms = 100", settle_ms);
+    station.desk.write("station.toml", settings + "[delivery]\noutdated = \"correct\"\n");
+    station.desk.write("skus/trough.toml", at_start);
+    station.start();
+    repair(&station);
+    station.waits_for("another result", |station| station.desk.read("import/trough.dxf") != first);
+    station.waits_for("no mark", |station| status(station)["outdated"]["count"] == 0);
+}
+
+#[test]
+fn settings_that_are_being_saved_at_the_start_outdate_drawings() {
+    settings_take_effect_after_a_start("settle_ms = 1500", PLACED, |_| {});
+}
+
+#[test]
+fn settings_that_are_wrong_at_the_start_outdate_drawings_when_they_are_corrected() {
+    settings_take_effect_after_a_start("settle_ms = 100", "[placement\n", |station| {
+        let is_reported = |station: &Station| station.desk.text("state/status.json").contains("trough.toml");
+        station.waits_for("the problem", is_reported);
+        station.desk.write("skus/trough.toml", PLACED);
+    });
+}
+
 /// Writes the journal in the form of version 0.1, in which the basis of a drawing, its part and settings, is a plain
 /// hash.
 fn make_journal_older(station: &Station) {

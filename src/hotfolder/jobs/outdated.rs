@@ -21,7 +21,7 @@ pub(crate) struct Reprocessing {
     unchecked: BTreeMap<Sku, Progress>,
     /// SKUs whose part was unknown when they were checked.
     unknown: BTreeSet<Sku>,
-    /// SKUs whose part could not be read from the cache.
+    /// SKUs whose settings or part could not be read: they are checked again later.
     unreadable: BTreeSet<Sku>,
     /// Whether every SKU is checked or in `unchecked`; false at the start and after a change of the station's settings.
     all_checked: bool,
@@ -91,7 +91,8 @@ impl Reprocessing {
         }
     }
 
-    /// Checks SKUs again whose part could not be read: the cache may be available again.
+    /// Checks SKUs again whose settings or part could not be read: the file may be complete or correct now, and the
+    /// cache may be available again.
     pub(crate) fn check_unreadable(&mut self) {
         std::mem::take(&mut self.unreadable).into_iter().for_each(|sku| self.check(sku));
     }
@@ -113,9 +114,10 @@ impl Reprocessing {
         self.unchecked.keys().find(|sku| !is_held(sku)).cloned()
     }
 
-    /// Skips the SKU: it cannot be checked now.
-    pub(crate) fn leave(&mut self, sku: &Sku) {
+    /// Checks the SKU later: its settings are being saved, or are wrong.
+    pub(crate) fn cannot_read(&mut self, sku: &Sku) {
         self.unchecked.remove(sku);
+        self.unreadable.insert(sku.clone());
     }
 
     /// Skips all SKUs that match.
@@ -266,10 +268,10 @@ impl Reprocessing {
         if !self.all_checked {
             return;
         }
-        let unchecked = &self.unchecked;
+        let (unchecked, unreadable) = (&self.unchecked, &self.unreadable);
         let is_known = |sku: &mut Option<Sku>| match sku {
-            Some(sku) => !unchecked.contains_key(sku),
-            None => unchecked.is_empty(),
+            Some(sku) => !unchecked.contains_key(sku) && !unreadable.contains(sku),
+            None => unchecked.is_empty() && unreadable.is_empty(),
         };
         for sku in self.asked.extract_if(.., is_known).collect::<Vec<_>>() {
             let is_meant = |marked: &&mut Marked| {
