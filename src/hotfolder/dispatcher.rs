@@ -521,6 +521,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
         // A part that is being learned causes another check. A part that is incomplete must not delay the end.
         if self.mode == Mode::Once {
             self.reprocessing.leave_all(|sku| !self.threads.are_fitting(sku));
+            let is_missing = self.rounds.missing.is_some();
+            self.reprocessing.leave_searches(|sku| is_missing || self.drops.has_part(sku));
         }
         self.reprocessing.answer();
         false
@@ -543,6 +545,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             .chain(self.settings.complaints())
             .chain(kept.as_ref().and_then(|kept| kept.trouble.as_deref()))
             .map(str::to_owned)
+            .chain(self.reprocessing.trouble())
             .chain(self.page.and_then(Page::trouble))
             .chain(of_fleet.clone())
             .chain(of_settings.clone())

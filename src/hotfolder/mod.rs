@@ -47,6 +47,7 @@
 //! |---|---|
 //! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Unchanged`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::HandedOver`, `Outcome::Rejected` | is done |
 //! | `Outcome::PicturesDue` | stays at work without a thread: the drawing is delivered, and pictures are drawn when no other drop can start |
+//! | `Outcome::Restored` | is the part in the archive, which stays there: delivered drawings of its SKU are checked |
 //! | `Outcome::Changed` | is checked again as a new file |
 //! | `Outcome::Incomplete` | is `Block::Free` and settles again |
 //! | `Outcome::TakesLong` | is `Block::Free` and waits for its turn among the large jobs |

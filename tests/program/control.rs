@@ -460,26 +460,39 @@ fn a_lost_cache_outdates_nothing() {
     let output = station.once();
     assert!(output.out.starts_with("0 delivered"), "{output:?}");
     assert!(!output.err.contains("outdated"), "{output:?}");
-    // For the next drawing the surface is fitted again, and the first drawing is still up to date.
+    // The surface is fitted again for the check, and the first drawing is still up to date.
+    assert!(output.err.contains("restored the surface of trough"), "{output:?}");
     station.copy_into(&drawing("square"), "trough@2.dxf");
     let output = station.once();
-    assert!(
-        output.out.starts_with("1 delivered") && output.err.contains("restored the surface of trough"),
-        "{output:?}"
-    );
+    assert!(output.out.starts_with("1 delivered"), "{output:?}");
     assert_eq!(station.import(), ["trough@2.dxf"]);
     station.copy_into(&drawing("square"), "trough.dxf");
     assert!(station.once().out.starts_with("1 delivered"));
     assert_eq!(station.desk.read("import/trough.dxf"), first);
-    // Changes in the meantime are found as soon as the surface is available again.
+    // Changes in the meantime are found without another drawing.
     fs::remove_dir_all(station.path("cache")).unwrap();
-    station.desk.write("skus/trough.toml", "[placement]\nplace_mm = [3, 0]\n");
+    station.desk.write("skus/trough.toml", PLACED);
     let output = station.once();
-    assert!(output.out.starts_with("0 delivered"), "{output:?}");
-    station.copy_into(&drawing("square"), "trough@3.dxf");
-    let output = station.once();
-    assert!(output.out.starts_with("3 delivered"), "{output:?}");
+    assert!(output.out.starts_with("2 delivered"), "{output:?}");
     assert_ne!(station.desk.read("import/trough.dxf"), first);
+}
+
+#[test]
+fn a_lost_cache_and_a_lost_part_are_a_problem_that_ends_with_the_part() {
+    let mut station = delivered();
+    fs::remove_dir_all(station.path("cache")).unwrap();
+    fs::remove_file(station.path("archive/trough/trough.obj")).unwrap();
+    station.desk.write("skus/trough.toml", PLACED);
+    let output = station.once();
+    assert!(output.err.contains("cannot check whether delivered drawings of trough are outdated"), "{output:?}");
+    assert_eq!(output.err.matches("cannot check").count(), 1, "{output:?}");
+    let is_told = |station: &Station| status(station)["troubles"].to_string().contains("Drop the part again");
+    station.start();
+    station.waits_for("the problem", is_told);
+    station.desk.write("elsewhere/trough.obj", PART);
+    fs::rename(station.path("elsewhere/trough.obj"), station.path("hot/trough.obj")).unwrap();
+    station.waits_for("a mark", |station| status(station)["outdated"]["count"] == 1);
+    station.waits_for("no problem", |station| !is_told(station));
 }
 
 #[test]

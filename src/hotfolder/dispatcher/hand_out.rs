@@ -10,7 +10,7 @@ use crate::config::{ConfigError, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::formats::pattern::is_picture;
 use crate::hotfolder::api::Corrector;
-use crate::hotfolder::jobs::{Outcome, Recorrection, Task, Work};
+use crate::hotfolder::jobs::{Outcome, Recorrection, Searched, Task, Work, filing};
 use crate::hotfolder::seen::{Block, Found, Gap, Meaning, Obstacle, Stamp, Verdict, delivered_as, folders};
 use crate::hotfolder::state::DropId;
 use crate::reason::Reason;
@@ -44,6 +44,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let Some((again, takes_long)) = next else { break };
             self.correct_again(again, takes_long, large_too);
         }
+        self.search_parts();
         self.continue_paused();
         let others_wait = !self.lanes.are_empty() && self.threads.may_pause();
         self.executor.others_wait.store(others_wait, Ordering::Relaxed);
@@ -114,6 +115,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 if let Work::CorrectAgain { sku, name } = &work {
                     return self.postpone_recorrection(sku, &delivered_as(name), error.reason());
                 }
+                if let Work::Restore(sku) = &work {
+                    return self.reprocessing.cannot_read(sku);
+                }
                 let obstacle = match error {
                     ConfigError::BeingSaved { .. } => Obstacle::SettingsBeingSaved,
                     _ => Obstacle::Other,
@@ -147,6 +151,36 @@ impl<C: Corrector> Dispatcher<'_, C> {
         running.companions_arrived = self.late.companions_arrived;
         running.settings_changes = self.settings_changes;
         self.threads.begin(task, running);
+    }
+
+    /// Fits an archived part again, if delivered drawings cannot be checked without it.
+    fn search_parts(&mut self) {
+        // The archive is the place to look.
+        if self.rounds.missing.is_some() || !self.threads.have_room(self.now()) {
+            return;
+        }
+        let is_free = |sku: &Sku| !self.drops.has_part(sku) && !self.threads.are_busy_with(sku);
+        let large_too = self.threads.have_room_for_large();
+        let next = self.reprocessing.next_search(self.now(), is_free, large_too);
+        let Some((sku, takes_long)) = next else { return };
+        let folders = self.folders();
+        let part = filing::current_part(folders, &sku);
+        let found = part.as_deref().map(folders::look);
+        let (Some(part), Some(Ok(Some(Found::File(stamp))))) = (part, found) else {
+            return self.reprocessing.searched(&sku, Searched::InVain);
+        };
+        let drop = DropId::archived(&sku, &filing::in_archive(folders, &sku, &part));
+        let crashes = self.executor.journal().suspects().get(&drop).map_or(0, |(_, deaths)| *deaths);
+        if crashes >= MAX_DEATHS {
+            return self.reprocessing.searched(&sku, Searched::InVain);
+        }
+        let large = takes_long || stamp.size >= LARGE;
+        if large && !large_too {
+            return self.reprocessing.searched(&sku, Searched::TakesLong);
+        }
+        let attempt =
+            Attempt { last_chance: true, doomed: None, waits_for_import: false, alone: false, large };
+        self.start(&part, (drop, PathBuf::new()), Work::Restore(sku), stamp, attempt);
     }
 
     fn correct_again(&mut self, again: Recorrection, takes_long: bool, large_too: bool) {

@@ -7,7 +7,7 @@ use super::Dispatcher;
 use super::threads::Running;
 use crate::config::Sku;
 use crate::hotfolder::api::{Corrector, Mode};
-use crate::hotfolder::jobs::{Outcome, Work, filing};
+use crate::hotfolder::jobs::{Outcome, Searched, Work, filing};
 use crate::hotfolder::seen::{
     Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_list, is_sidecar, sidecar_of,
 };
@@ -34,6 +34,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
         self.lanes.survived(&running.drop);
         went_along.iter().for_each(|companion| self.look_again(companion));
         let same = self.drops.get(path).is_some_and(|drop| drop.settle.stamp() == running.stamp);
+        if let Work::Restore(sku) = &running.work {
+            return self.finished_search(sku, outcome);
+        }
         if let Some(sku) = running.sku() {
             self.reprocessing.check_if_unknown(sku);
         }
@@ -73,7 +76,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.drawing_is_done(path, &running, went_along);
             }
             // It pauses, see above.
-            Outcome::PicturesDue(_) => {}
+            Outcome::PicturesDue(_) | Outcome::Restored => {}
             Outcome::Unchanged => {
                 self.tally.unchanged += 1;
                 self.status.finished(&running.drop, &running.work, FinishedAs::Delivered);
@@ -213,6 +216,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             Outcome::TakesLong => self.reprocessing.takes_long(name),
             Outcome::Learned { .. }
+            | Outcome::Restored
             | Outcome::PicturesDue(_)
             | Outcome::Listed
             | Outcome::HandedOver
@@ -221,6 +225,29 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.reprocessing.forget(name);
             }
         }
+    }
+
+    /// Handles the end of a job that fitted an archived part again.
+    fn finished_search(&mut self, sku: &Sku, outcome: Outcome) {
+        // What waits for the part or its threads can continue.
+        self.lanes.stale = true;
+        let end = match outcome {
+            Outcome::Restored => {
+                self.drops.release(sku);
+                Searched::Found
+            }
+            Outcome::TakesLong => Searched::TakesLong,
+            Outcome::Retry(reason, _) if self.mode == Mode::UntilStopped => {
+                self.rounds.warn_once(format!("the part of {sku} cannot be fitted again yet: {}", reason.what));
+                Searched::Postponed(self.now() + LONGEST_PAUSE)
+            }
+            Outcome::Stop(reason) => {
+                self.stopped = Some(reason);
+                Searched::InVain
+            }
+            _ => Searched::InVain,
+        };
+        self.reprocessing.searched(sku, end);
     }
 
     /// Records that an archived original cannot be corrected again now.

@@ -114,9 +114,9 @@ impl Threads {
         self.running.values().filter(|running| running.sku() == Some(sku)).count()
     }
 
-    /// Whether a job fits a part of the SKU.
+    /// Whether a job fits a part of the SKU, a dropped one or that in the archive.
     pub(super) fn are_fitting(&self, sku: &Sku) -> bool {
-        self.jobs_of(sku).any(|running| matches!(running.work, Work::Learn(_)))
+        self.jobs_of(sku).any(|running| matches!(running.work, Work::Learn(_) | Work::Restore(_)))
     }
 
     /// Whether the result with this folded name may be made now: no job fits a part of the SKU, and no job makes the

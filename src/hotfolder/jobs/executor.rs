@@ -110,6 +110,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
                 Err(JobError::Rejected(reason.clone()).into())
             }
             (None, Work::Learn(sku)) => self.learn(&task, sku, &mut read),
+            (None, Work::Restore(sku)) => self.restore(&task, sku),
             (None, Work::Correct { sku, name }) if line.is_some() => {
                 self.hand_over(&task, sku, name, line.as_deref().unwrap_or_default(), &mut read)
             }

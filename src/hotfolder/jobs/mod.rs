@@ -20,6 +20,6 @@ mod outdated;
 
 pub(crate) use basis::is_comparable;
 pub(crate) use executor::Executor;
-pub(crate) use outdated::{Recorrection, Reprocessing};
+pub(crate) use outdated::{Recorrection, Reprocessing, Searched};
 pub(crate) use retention::Keeper;
 pub(crate) use task::{EarlyEnd, End, Outcome, Read, Task, Unfiled, Work};

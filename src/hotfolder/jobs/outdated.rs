@@ -19,8 +19,8 @@ const SLICE: usize = 50;
 pub(crate) struct Reprocessing {
     /// The SKUs to check, with the progress of each.
     unchecked: BTreeMap<Sku, Progress>,
-    /// SKUs whose part was unknown when they were checked.
-    unknown: BTreeSet<Sku>,
+    /// SKUs whose part was unknown when they were checked: the cache was emptied, or has another version.
+    unknown: BTreeMap<Sku, Search>,
     /// SKUs whose settings or part could not be read: they are checked again later.
     unreadable: BTreeSet<Sku>,
     /// Whether every SKU is checked or in `unchecked`; false at the start and after a change of the station's settings.
@@ -29,6 +29,34 @@ pub(crate) struct Reprocessing {
     marked: BTreeMap<String, Marked>,
     /// What people asked to be corrected again: the drawings of one SKU, or all.
     asked: Vec<Option<Sku>>,
+}
+
+/// Whether an unknown part is looked for in the archive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Search {
+    /// It is looked for from this moment on; with `takes_long`, it turned out to be a large job.
+    Due {
+        at: Moment,
+        takes_long: bool,
+    },
+    UnderWay,
+    /// It was found, so the SKU is checked again.
+    Found,
+    /// The archive has none that can be fitted.
+    InVain,
+}
+
+/// How a search for an unknown part ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Searched {
+    /// The part is known.
+    Found,
+    /// It is a large job, which waits for its turn.
+    TakesLong,
+    /// The archive could not be read; it is looked for again at this moment.
+    Postponed(Moment),
+    /// The archive has no part that can be fitted.
+    InVain,
 }
 
 /// How far the results of a SKU are checked.
@@ -86,9 +114,70 @@ impl Reprocessing {
 
     /// Checks the SKU again if its part was unknown: a job may have found it in the archive.
     pub(crate) fn check_if_unknown(&mut self, sku: &Sku) {
-        if let Some(sku) = self.unknown.take(sku) {
-            self.check(sku);
+        if matches!(self.unknown.get(sku), Some(Search::Due { .. } | Search::InVain)) {
+            self.unknown.remove(sku);
+            self.check(sku.clone());
         }
+    }
+
+    /// The next SKU whose unknown part is to be looked for in the archive, and whether that takes long; one at a time,
+    /// because other jobs need the threads more.
+    pub(crate) fn next_search(
+        &mut self,
+        now: Moment,
+        is_free: impl Fn(&Sku) -> bool,
+        large_too: bool,
+    ) -> Option<(Sku, bool)> {
+        if self.unknown.values().any(|search| *search == Search::UnderWay) {
+            return None;
+        }
+        self.unknown.iter_mut().find_map(|(sku, search)| match *search {
+            Search::Due { at, takes_long } if at <= now && (large_too || !takes_long) && is_free(sku) => {
+                *search = Search::UnderWay;
+                Some((sku.clone(), takes_long))
+            }
+            _ => None,
+        })
+    }
+
+    /// Notes how the search for an unknown part ended.
+    pub(crate) fn searched(&mut self, sku: &Sku, end: Searched) {
+        let Some(search) = self.unknown.get_mut(sku) else { return };
+        *search = match end {
+            Searched::Found => Search::Found,
+            Searched::TakesLong => Search::Due { at: Moment::ZERO, takes_long: true },
+            Searched::Postponed(at) => Search::Due { at, takes_long: false },
+            Searched::InVain => {
+                tracing::warn!("{}", cannot_check([sku].into_iter()));
+                Search::InVain
+            }
+        };
+        if end == Searched::Found {
+            self.check(sku.clone());
+        }
+    }
+
+    /// Skips the searches that match and have not begun.
+    pub(crate) fn leave_searches(&mut self, these: impl Fn(&Sku) -> bool) {
+        self.unknown.retain(|sku, search| !matches!(search, Search::Due { .. }) || !these(sku));
+    }
+
+    /// Why delivered drawings cannot be checked, if there are any.
+    pub(crate) fn trouble(&self) -> Option<String> {
+        let in_vain = self.unknown.iter().filter(|(_, search)| **search == Search::InVain);
+        let skus: Vec<&Sku> = in_vain.map(|(sku, _)| sku).collect();
+        (!skus.is_empty()).then(|| cannot_check(skus.into_iter()))
+    }
+
+    /// Has an unknown part looked for. If the search found it and it is still unknown, it is not looked for again.
+    fn search(&mut self, sku: &Sku, is_first: bool) {
+        let due = Search::Due { at: Moment::ZERO, takes_long: false };
+        let search = self.unknown.entry(sku.clone()).or_insert(due);
+        *search = match *search {
+            Search::Found if is_first => Search::InVain,
+            Search::InVain if is_first => due,
+            other => other,
+        };
     }
 
     /// Checks SKUs again whose settings or part could not be read: the file may be complete or correct now, and the
@@ -117,6 +206,7 @@ impl Reprocessing {
     /// Checks the SKU later: its settings are being saved, or are wrong.
     pub(crate) fn cannot_read(&mut self, sku: &Sku) {
         self.unchecked.remove(sku);
+        self.unknown.remove(sku);
         self.unreadable.insert(sku.clone());
     }
 
@@ -142,6 +232,13 @@ impl Reprocessing {
         let (results, last) = executor.journal().results_of(sku, progress.after.as_deref(), SLICE);
         let archive = station.folders.archive.join(sku.key());
         executor.rebase(&archive, &results, part.as_deref(), settings);
+        match part {
+            Some(_) => drop(self.unknown.remove(sku)),
+            None if results.iter().any(|result| !result.original.is_empty()) => {
+                self.search(sku, progress.after.is_none());
+            }
+            None => {}
+        }
         for result in results {
             if result.original.is_empty() {
                 // The original was removed, so the drawing cannot be corrected again.
@@ -172,10 +269,7 @@ impl Reprocessing {
         let is_outdated = match basis {
             Some(basis) => is_comparable(&result.job.basis) && basis != result.job.basis,
             // While its part is unknown, the last result of the check is kept.
-            None => {
-                self.unknown.insert(sku.clone());
-                self.marked.contains_key(&key)
-            }
+            None => self.marked.contains_key(&key),
         };
         if self.marked.get(&key).is_some_and(|marked| marked.uncertain) {
             return false;
@@ -268,10 +362,13 @@ impl Reprocessing {
         if !self.all_checked {
             return;
         }
-        let (unchecked, unreadable) = (&self.unchecked, &self.unreadable);
+        // These can be checked later, and must not delay the others.
+        let searched = self.unknown.iter().filter(|(_, search)| **search != Search::InVain);
+        let late: BTreeSet<Sku> = searched.map(|(sku, _)| sku).chain(&self.unreadable).cloned().collect();
+        let unchecked = &self.unchecked;
         let is_known = |sku: &mut Option<Sku>| match sku {
-            Some(sku) => !unchecked.contains_key(sku) && !unreadable.contains(sku),
-            None => unchecked.is_empty() && unreadable.is_empty(),
+            Some(sku) => !unchecked.contains_key(sku) && !late.contains(sku),
+            None => unchecked.keys().all(|sku| late.contains(sku)),
         };
         for sku in self.asked.extract_if(.., is_known).collect::<Vec<_>>() {
             let is_meant = |marked: &&mut Marked| {
@@ -281,18 +378,32 @@ impl Reprocessing {
             let count = meant.map(|marked| marked.due = Some(Moment::ZERO)).count();
             let plural = if count == 1 { "drawing" } else { "drawings" };
             tracing::info!("correcting {count} outdated {plural} again, as requested");
+            if sku.is_none() {
+                self.asked.extend(late.iter().cloned().map(Some));
+            }
         }
     }
 
     /// Ends the pauses of all drawings that wait for another attempt.
     pub(crate) fn free_all(&mut self) {
         self.marked.values_mut().filter_map(|marked| marked.due.as_mut()).for_each(|due| *due = Moment::ZERO);
+        for search in self.unknown.values_mut() {
+            if let Search::Due { at, .. } = search {
+                *at = Moment::ZERO;
+            }
+        }
     }
 
     /// Whether nothing is left to check or to correct now.
     pub(crate) fn is_idle(&self, now: Moment) -> bool {
+        let is_searched = |search: &Search| match search {
+            Search::Due { at, .. } => *at <= now,
+            Search::UnderWay | Search::Found => true,
+            Search::InVain => false,
+        };
         self.unchecked.is_empty()
             && self.all_checked
+            && !self.unknown.values().any(is_searched)
             && !self.marked.values().any(|m| m.under_way || m.due.is_some_and(|due| due <= now))
     }
 
@@ -302,6 +413,18 @@ impl Reprocessing {
         let both = |marked: &Marked| (marked.again.name.clone(), marked.again.sku.clone());
         (outdated().count(), outdated().take(limit).map(both).collect())
     }
+}
+
+/// Why the drawings of SKUs cannot be checked.
+fn cannot_check<'s>(skus: impl ExactSizeIterator<Item = &'s Sku>) -> String {
+    const NAMED: usize = 5;
+    let more = skus.len().saturating_sub(NAMED);
+    let names = skus.take(NAMED).map(Sku::as_str).collect::<Vec<_>>().join(", ");
+    let names = if more > 0 { format!("{names} and {more} more SKUs") } else { names };
+    format!(
+        "cannot check whether delivered drawings of {names} are outdated: the part is unknown, and the archive has none \
+         that can be fitted. Drop the part again"
+    )
 }
 
 fn log_outdated(station: &Station, sku: &Sku, count: usize) {
@@ -317,5 +440,66 @@ fn log_outdated(station: &Station, sku: &Sku, count: usize) {
             let command = format!("isomark retry {station} --outdated {name}");
             tracing::warn!("{outdated}. `{command}` corrects {them} again");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_is_answered_for_each_sku_as_soon_as_it_is_checked() {
+        let mut all = Reprocessing { all_checked: true, ..Reprocessing::default() };
+        let [can, mug, jar]: [Sku; 3] = ["can", "mug", "jar"].map(|sku| sku.parse().unwrap());
+        let mark = |all: &mut Reprocessing, sku: &Sku| {
+            let (name, original, place) = (format!("{sku}.dxf"), PathBuf::new(), String::new());
+            let again = Recorrection { sku: sku.clone(), name: name.clone(), original, place };
+            all.marked.insert(name, Marked::new(again));
+        };
+        let next = |all: &mut Reprocessing| {
+            all.answer();
+            let next = all.next(Moment::ZERO, |_, _| true, true);
+            next.map(|(again, _)| again.name)
+        };
+        mark(&mut all, &can);
+        // The settings of one are being saved, and the part of the other is looked for.
+        all.check(mug.clone());
+        all.cannot_read(&mug);
+        all.search(&jar, true);
+        all.ask_for(None);
+        assert_eq!(next(&mut all).as_deref(), Some("can.dxf"));
+        for sku in [&mug, &jar] {
+            mark(&mut all, sku);
+            assert_eq!(next(&mut all), None, "{sku} is not checked yet");
+        }
+        all.check_unreadable();
+        assert_eq!(next(&mut all), None, "it is about to be checked");
+        all.unchecked.clear();
+        assert_eq!(next(&mut all).as_deref(), Some("mug.dxf"));
+        all.searched(&jar, Searched::InVain);
+        assert_eq!(next(&mut all).as_deref(), Some("jar.dxf"));
+    }
+
+    #[test]
+    fn a_part_that_is_found_and_still_unknown_is_not_looked_for_again() {
+        let mut all = Reprocessing { all_checked: true, ..Reprocessing::default() };
+        let can: Sku = "can".parse().unwrap();
+        let search = |all: &mut Reprocessing| all.next_search(Moment::ZERO, |_| true, true);
+        all.search(&can, true);
+        assert_eq!(search(&mut all), Some((can.clone(), false)));
+        assert_eq!(search(&mut all), None, "it is under way");
+        all.searched(&can, Searched::TakesLong);
+        assert_eq!(search(&mut all), Some((can.clone(), true)));
+        all.searched(&can, Searched::Found);
+        assert!(!all.is_idle(Moment::ZERO));
+        // The check finds it unknown, in two slices.
+        all.unchecked.clear();
+        all.search(&can, true);
+        all.search(&can, false);
+        assert!(search(&mut all).is_none() && all.is_idle(Moment::ZERO));
+        assert!(all.trouble().unwrap().contains("of can are outdated"));
+        // A later check may find it: something has changed.
+        all.search(&can, true);
+        assert!(search(&mut all).is_some() && all.trouble().is_none());
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{MutexGuard, PoisonError};
 
-use super::{Executor, basis, filing, intake};
+use super::{EarlyEnd, Executor, Outcome, Task, basis, filing, intake};
 use crate::config::{FolderPaths, JobSettings, Sku};
 use crate::formats::Pace;
 use crate::hotfolder::api::{Completeness, Corrector, DroppedFile, JobError};
@@ -130,6 +130,22 @@ impl<C: Corrector> Executor<'_, C> {
             rejected.display()
         );
         Some(Reason::new("part-rejected", what, remedy))
+    }
+
+    /// Fits the archived part of a SKU again, so that its delivered drawings can be checked. Nothing is rejected.
+    pub(super) fn restore(&self, task: &Task, sku: &Sku) -> Result<Outcome, EarlyEnd> {
+        match self.has_surface(&task.station.folders, sku, &task.settings, task.pace) {
+            Ok(true) => {
+                self.note_shape(sku, &task.settings, false);
+                Ok(Outcome::Restored)
+            }
+            Ok(false) => {
+                let what = format!("The archive has no part of SKU `{sku}` that can be fitted.");
+                Ok(Outcome::NoSurface(Reason::new("waits-for-part", what, "Drop the part again.")))
+            }
+            Err(JobError::Rejected(reason)) => Ok(Outcome::NoSurface(reason)),
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// Whether there is a surface for the SKU; a lost one is fitted again from the archived part.

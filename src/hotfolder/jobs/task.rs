@@ -51,7 +51,7 @@ impl Task {
         match self.work {
             Work::Correct { .. } => existing.or_else(|| self.sidecar.clone()),
             Work::CorrectAgain { .. } => existing,
-            Work::Learn(_) | Work::Reject(_) => None,
+            Work::Learn(_) | Work::Restore(_) | Work::Reject(_) => None,
         }
     }
 
@@ -63,7 +63,7 @@ impl Task {
                 let spellings = ["csv", "CSV", "Csv"].map(|ending| lower.with_extension(ending));
                 Some(spellings.into_iter().find(|path| folders::is_file(path)).unwrap_or(lower))
             }
-            Work::CorrectAgain { .. } | Work::Learn(_) | Work::Reject(_) => None,
+            Work::CorrectAgain { .. } | Work::Learn(_) | Work::Restore(_) | Work::Reject(_) => None,
         }
     }
 }
@@ -98,6 +98,8 @@ pub(crate) enum Work {
     Correct { sku: Sku, name: String },
     /// Correct an archived pattern again.
     CorrectAgain { sku: Sku, name: String },
+    /// Fit the archived part of a SKU again, whose surface was lost.
+    Restore(Sku),
     /// Reject a drop whose name is invalid.
     Reject(Reason),
 }
@@ -106,7 +108,10 @@ impl Work {
     /// The SKU that it is for.
     pub(crate) fn sku(&self) -> Option<&Sku> {
         match self {
-            Self::Learn(sku) | Self::Correct { sku, .. } | Self::CorrectAgain { sku, .. } => Some(sku),
+            Self::Learn(sku)
+            | Self::Restore(sku)
+            | Self::Correct { sku, .. }
+            | Self::CorrectAgain { sku, .. } => Some(sku),
             Self::Reject(_) => None,
         }
     }
@@ -115,7 +120,7 @@ impl Work {
     pub(crate) fn result(&self) -> Option<String> {
         match self {
             Self::Correct { name, .. } | Self::CorrectAgain { name, .. } => Some(delivered_as(name)),
-            Self::Learn(_) | Self::Reject(_) => None,
+            Self::Learn(_) | Self::Restore(_) | Self::Reject(_) => None,
         }
     }
 }
@@ -167,6 +172,8 @@ pub(crate) struct End {
 pub(crate) enum Outcome {
     /// A part was learned; missing companions that it names may be moved to `place` later.
     Learned { absent: Vec<PathBuf>, place: PathBuf },
+    /// The surface of a SKU is known again.
+    Restored,
     /// A drawing was delivered.
     Delivered,
     /// A drawing was delivered and its report is written; its pictures and its original are due when no other drop waits.

@@ -372,7 +372,7 @@ impl StatusBoard {
         }
         let drawing = match work {
             Work::Correct { name, .. } | Work::CorrectAgain { name, .. } => Some(name.clone()),
-            Work::Learn(_) | Work::Reject(_) => None,
+            Work::Learn(_) | Work::Restore(_) | Work::Reject(_) => None,
         };
         let sku = work.sku().map(Sku::to_string).unwrap_or_default();
         let drop = drop.to_string();
