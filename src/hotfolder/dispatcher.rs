@@ -546,6 +546,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             .chain(kept.as_ref().and_then(|kept| kept.trouble.as_deref()))
             .map(str::to_owned)
             .chain(self.reprocessing.trouble())
+            .chain(self.executor.journal().trouble())
             .chain(self.page.and_then(Page::trouble))
             .chain(of_fleet.clone())
             .chain(of_settings.clone())

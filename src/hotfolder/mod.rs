@@ -95,6 +95,7 @@
 //!                        └────── more rows ───────────┘
 //! ```
 //!
+//! The reserved numbers are also noted in the archive before the first drawing gets its name, for the case that the journal is lost.
 //! After a crash, a row whose `naming` is noted still has its hidden drawing, which then gets its name, or had it already. All other
 //! rows are written again, with the same numbers and the same date.
 //!

@@ -1821,6 +1821,13 @@ const CODES: &[Code] = &[
         "Give a new range, `start` and `last` under [serial], or a shorter list.",
     ]),
     reason([
+        "serials-lost",
+        "It is unknown which serial numbers are used.",
+        "A station keeps the serial numbers of a SKU in its journal and in `archive/<sku>/serial-numbers.json`. The journal was \
+         lost, and that file is damaged, so a list might get numbers that are marked already.",
+        "Set `start` under [serial] to a number above the last one that was marked, and remove the file.",
+    ]),
+    reason([
         "settings-being-saved",
         "The settings are being saved at the moment.",
         "The settings file changed a moment ago and may not be complete. Jobs wait until it is stable.",

@@ -40,6 +40,8 @@ pub(crate) struct Executor<'a, C> {
     pub(super) unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
     /// Whether pictures are drawn later, because drops wait for a thread.
     pub(crate) others_wait: AtomicBool,
+    /// Held while the serial numbers of a SKU are noted.
+    pub(super) serial_notes: Mutex<()>,
     pub(super) beamserver: beamserver::Gate,
     pub(crate) shares: Shares,
     pub(crate) parking: Parking,
@@ -56,6 +58,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
             restoring: Restoring::default(),
             unfit_archive: Mutex::default(),
             others_wait: AtomicBool::new(false),
+            serial_notes: Mutex::default(),
             beamserver: beamserver::Gate::new(stop),
             shares,
             parking: Parking::default(),

@@ -90,6 +90,7 @@ impl<C: Corrector> Executor<'_, C> {
         let products_from = |used: u64| {
             guarded(|| self.corrector.products(sku, &read.file, (name, bytes), &settings, used, MOST_ROWS))
         };
+        self.recall_serials(task, sku, &settings.content.serial)?;
         let (products, listing) = loop {
             let used = match same {
                 Some(listing) => listing.used,
@@ -112,6 +113,7 @@ impl<C: Corrector> Executor<'_, C> {
                 break (products, listing);
             }
         };
+        self.note_serials(task, sku)?;
         let mut rows = Rows { task, read, name, listing, tag: self.journal().tag().to_owned() };
         for (batch, number) in products.rows.chunks(BATCH).zip(0u64..) {
             let end = number * BATCH as u64 + batch.len() as u64;

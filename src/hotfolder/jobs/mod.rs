@@ -14,6 +14,7 @@ mod executor;
 mod surfaces;
 mod finish;
 mod correct;
+mod serials;
 mod list;
 mod hand_over;
 mod outdated;

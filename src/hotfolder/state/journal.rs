@@ -46,8 +46,8 @@ use crate::hotfolder::clock::Uptime;
 use crate::hotfolder::seen::folders::is_still_at;
 use crate::hotfolder::seen::{Identity, Stamp, delivered_as};
 
-pub(crate) use line::{Certainty, Import, Job, Listing, StampRecord};
-use line::{JOURNAL, Line, Parsed, Record, Series, parse, written};
+pub(crate) use line::{Certainty, Import, Job, Listing, Series, StampRecord, checksum};
+use line::{DAMAGED, JOURNAL, Line, Parsed, Record, STATUS, parse, written};
 pub(crate) use listing::NewListing;
 use new_journal::NewJournal;
 pub(crate) use order::JournalPositions;
@@ -115,7 +115,8 @@ struct AtWork {
 }
 
 impl Journal {
-    /// Reads the journal in the state folder, or starts a new one. Damaged lines are logged and skipped.
+    /// Reads the journal in the state folder, or starts a new one. Damaged lines are logged and skipped; a copy of the
+    /// file is kept.
     ///
     /// # Errors
     /// When the folder cannot be read or written; `InvalidData` for a line that a newer version wrote.
@@ -126,6 +127,7 @@ impl Journal {
                 file.map_err(|error| crate::files::named(error, "cannot read", &folder.join(JOURNAL)))?,
             )),
         };
+        let exists = file.is_some();
         let mut journal = Self {
             folder: folder.into(),
             tag: String::new(),
@@ -161,9 +163,21 @@ impl Journal {
                     let message = "a newer version of isomark wrote it; use that version";
                     return Err(io::Error::new(io::ErrorKind::InvalidData, message));
                 }
+                // The end of the last line was being written when the station ended.
+                Parsed::Damaged if !line.ends_with(b"\n") => {}
                 Parsed::Damaged => damaged += 1,
             }
             journal.lines += 1;
+        }
+        // Windows cannot replace a file that is open.
+        drop(file);
+        // Without a valid line, the first start may have been interrupted; it had not written a status then.
+        let is_damaged = match journal.length {
+            0 => exists && folder.join(STATUS).exists(),
+            _ => damaged > 0,
+        };
+        if is_damaged {
+            keep_damaged(folder, damaged);
         }
         if journal.tag.is_empty() {
             journal.tag = if journal.lines > 0 { tag_of_older(folder) } else { new_tag() };
@@ -187,13 +201,23 @@ impl Journal {
         if let Err(error) = journal.count_deaths() {
             tracing::warn!("the journal cannot be written: {error}");
         }
-        if damaged > 0 {
-            tracing::warn!("skipping {damaged} damaged lines of {}", folder.join(JOURNAL).display());
-        }
-        if journal.lines > 2 * journal.live() + 1000 {
+        if is_damaged || journal.lines > 2 * journal.live() + 1000 {
             journal.rewrite_if_possible();
         }
         Ok(journal)
+    }
+
+    /// Why something may be missing in the journal: lines of it were damaged, and nobody has removed the copy of it since.
+    pub(crate) fn trouble(&self) -> Option<String> {
+        let copy = self.folder.join(DAMAGED);
+        copy.exists().then(|| {
+            format!(
+                "the journal was damaged and is not complete. Serial numbers go on after the last one that the archive or the \
+                 reports show; drawings that were delivered before may be delivered again when they are dropped again, and \
+                 are not found when they are outdated. Check the disk, then remove {}, the copy of the damaged journal",
+                copy.display()
+            )
+        })
     }
 
     /// Counts a crash for each drop that was being processed: the drop may be the cause.
@@ -669,6 +693,21 @@ impl Journal {
         (self.lines, self.length) = new.keep(&self.folder)?;
         (self.home, self.tag_is_kept) = (home_of(&self.folder), true);
         Ok(())
+    }
+}
+
+/// Keeps a copy of a damaged journal, unless there is one already.
+fn keep_damaged(folder: &Path, lines: usize) {
+    let (journal, copy) = (folder.join(JOURNAL), folder.join(DAMAGED));
+    let what = match lines {
+        0 => format!("{} has no valid line", journal.display()),
+        1 => format!("skipping 1 damaged line of {}", journal.display()),
+        more => format!("skipping {more} damaged lines of {}", journal.display()),
+    };
+    let kept = if copy.exists() { Ok(0) } else { fs::copy(&journal, &copy) };
+    match kept {
+        Ok(_) => tracing::error!("{what}; {} is a copy", copy.display()),
+        Err(error) => tracing::error!("{what}; no copy of it can be kept: {error}"),
     }
 }
 

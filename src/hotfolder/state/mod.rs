@@ -12,7 +12,7 @@ pub(crate) use drop_id::{DropId, with_slashes};
 pub use holder::Holder;
 pub(crate) use journal::{
     Arrival, Certainty, Delivered, EndedJob, Import, Job, Journal, JournalPositions, Listing, NewListing,
-    OpenJob, Stage, StampRecord, keep_short,
+    OpenJob, Series, Stage, StampRecord, checksum, keep_short,
 };
 pub(crate) use lock::HotLock;
 pub use lock::StationLock;

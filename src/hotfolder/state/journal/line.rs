@@ -11,6 +11,10 @@ use crate::hotfolder::state::drop_id::DropId;
 
 /// The file in the state folder.
 pub(super) const JOURNAL: &str = "journal.log";
+/// The status beside it, which a station writes soon after its first start.
+pub(super) const STATUS: &str = "status.json";
+/// A copy of a journal with damaged lines, until somebody removes it.
+pub(super) const DAMAGED: &str = "journal.damaged.log";
 
 /// The inputs and the result of one drawing.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -109,13 +113,20 @@ pub(crate) struct Listing {
 
 /// The serial numbers of a SKU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Series {
+pub(crate) struct Series {
     /// The first number.
-    pub(super) start: u64,
+    pub(crate) start: u64,
     /// The distance of two numbers.
-    pub(super) step: u64,
+    pub(crate) step: u64,
     /// How many are used.
-    pub(super) used: u64,
+    pub(crate) used: u64,
+}
+
+impl Series {
+    /// The last number that is used; `None` if there is none.
+    pub(crate) fn last(&self) -> Option<u64> {
+        Some(self.start.saturating_add(self.used.checked_sub(1)?.saturating_mul(self.step)))
+    }
 }
 
 /// A step that cannot be undone.
@@ -269,7 +280,7 @@ impl From<Stamp> for StampRecord {
 }
 
 /// The checksum at the start of a line.
-pub(super) fn checksum(text: &str) -> String {
+pub(crate) fn checksum(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..8].to_owned()
 }
 

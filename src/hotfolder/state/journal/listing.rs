@@ -29,6 +29,25 @@ impl Journal {
         }
     }
 
+    /// The serial numbers of the SKU's last series.
+    pub(crate) fn series(&self, sku: &Sku) -> Option<Series> {
+        self.serials.get(sku.key()).copied()
+    }
+
+    /// Adds numbers that are used and that the journal does not know; returns whether there are any. The first number in the
+    /// settings decides which of two series goes on.
+    pub(crate) fn take_series(&mut self, sku: &Sku, found: Series, serial: &SerialSettings) -> bool {
+        let is_news = match self.series(sku) {
+            None => true,
+            Some(known) if known.start == found.start => found.last() > known.last(),
+            Some(known) => known.start != serial.start && found.start == serial.start,
+        };
+        if is_news {
+            self.serials.insert(sku.key().to_owned(), found);
+        }
+        is_news
+    }
+
     /// The first number of the SKU's last series, if it is another one.
     pub(crate) fn older_series(&self, sku: &Sku, serial: &SerialSettings) -> Option<u64> {
         self.serials.get(sku.key()).map(|series| series.start).filter(|start| *start != serial.start)

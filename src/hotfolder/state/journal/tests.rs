@@ -62,6 +62,54 @@ fn a_cut_journal_reads_as_the_lines_before_the_cut() {
 }
 
 #[test]
+fn damage_is_a_problem_until_the_copy_is_removed_and_a_cut_end_is_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join(JOURNAL);
+    let mut journal = Journal::open(folder.path()).unwrap();
+    for name in ["a.dxf", "b.dxf"] {
+        journal.done(&job(name, "1"), name, Import::Done, Certainty::Certain).unwrap();
+    }
+    drop(journal);
+    let whole = fs::read(&place).unwrap();
+    let second = 1 + whole.iter().position(|byte| *byte == b'\n').unwrap();
+    let mut flipped = whole.clone();
+    flipped[second + 20] ^= 1;
+    let zeros = vec![0; whole.len()];
+    // The content, whether a status was written, the names that are known, and whether it is a problem.
+    let cases: [(&[u8], bool, &[&str], bool); 7] = [
+        (&whole, true, &["a.dxf", "b.dxf"], false),
+        (&whole[..whole.len() - 5], true, &["a.dxf"], false),
+        (&flipped, true, &["b.dxf"], true),
+        (&zeros, true, &[], true),
+        (&[], true, &[], true),
+        // The first start of a station was interrupted.
+        (&[], false, &[], false),
+        (&whole[..20], false, &[], false),
+    ];
+    for (content, has_status, names, is_problem) in cases {
+        fs::write(&place, content).unwrap();
+        let status = folder.path().join(STATUS);
+        if has_status {
+            fs::write(status, "").unwrap()
+        } else {
+            fs::remove_file(status).unwrap_or_default()
+        }
+        for _ in 0..2 {
+            let journal = Journal::open(folder.path()).unwrap();
+            let known = journal.results.iter().map(|result| result.job.name);
+            assert_eq!(known.collect::<Vec<_>>(), names);
+            assert_eq!(journal.trouble().is_some(), is_problem, "{content:?}");
+        }
+        if is_problem {
+            let copy = folder.path().join(DAMAGED);
+            assert_eq!(fs::read(&copy).unwrap(), content);
+            fs::remove_file(&copy).unwrap();
+            assert_eq!(Journal::open(folder.path()).unwrap().trouble(), None, "{content:?}");
+        }
+    }
+}
+
+#[test]
 fn an_original_is_removed_only_when_nothing_needs_it() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = Journal::open(folder.path()).unwrap();
