@@ -242,7 +242,7 @@ pub struct Tally {
     pub learned: u64,
     /// Number of drawings that were delivered before and are unchanged in the import folder.
     pub unchanged: u64,
-    /// Number of drawings that were already delivered, and were not delivered again.
+    /// Number of drawings that were already delivered, also before the station was interrupted, and were not delivered again.
     pub repeated: u64,
     /// Number of drops moved to the rejected folder.
     pub rejected: u64,

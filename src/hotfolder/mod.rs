@@ -45,7 +45,7 @@
 //!
 //! | a job ends with | and its drop |
 //! |---|---|
-//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Unchanged`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::HandedOver`, `Outcome::Rejected` | is done |
+//! | `Outcome::Learned`, `Outcome::Delivered`, `Outcome::Unchanged`, `Outcome::Resumed`, `Outcome::Uncertain`, `Outcome::Repeated`, `Outcome::Listed`, `Outcome::HandedOver`, `Outcome::Rejected` | is done |
 //! | `Outcome::PicturesDue` | stays at work without a thread: the drawing is delivered, and pictures are drawn when no other drop can start |
 //! | `Outcome::Restored` | is the part in the archive, which stays there: delivered drawings of its SKU are checked |
 //! | `Outcome::Changed` | is checked again as a new file |

@@ -495,6 +495,43 @@ fn a_lost_cache_and_a_lost_part_are_a_problem_that_ends_with_the_part() {
     station.waits_for("no problem", |station| !is_told(station));
 }
 
+/// What was delivered before the start is part of the last hour, but is not counted a second time.
+#[test]
+fn counts_are_of_what_was_delivered() {
+    let counts = |station: &Station| {
+        let status = status(station);
+        let done = |key: &str| status["done"][key].as_u64().unwrap();
+        assert_eq!(status["finished"][0]["drop"], "trough.dxf");
+        let last = status["finished"][0]["result"].as_str().unwrap().to_owned();
+        (done("delivered"), done("delivered_last_hour"), done("rejected_last_hour"), last)
+    };
+    let station = delivered();
+    assert_eq!(counts(&station), (1, 1, 0, "delivered".into()));
+    station.desk.write("hot/trough@2.dxf", "%PDF");
+    station.once();
+    assert_eq!(counts(&station), (0, 1, 1, "delivered".into()));
+    let output = station.desk.isomark(&["status", "station.toml"]);
+    assert!(output.out.contains(": 0 delivered, 1 rejected, 0 parts fitted; in the last hour 1 delivered, 1 rejected\n"), "{output:?}");
+    // Unchanged in the import folder.
+    station.copy_into(&drawing("square"), "trough.dxf");
+    assert!(station.once().out.contains("\n1 already delivered and unchanged in import\n"));
+    assert_eq!(counts(&station), (0, 1, 1, "repeated".into()));
+    // Delivered by a run that was interrupted before it filed the original.
+    let station = delivered();
+    let journal = station.desk.text("state/journal.log");
+    let end = journal.find("\"did\":\"filing\",\"drop\":\"trough.dxf\"").unwrap();
+    let end = journal[..end].rfind('\n').unwrap() + 1;
+    station.desk.write("state/journal.log", &journal[..end]);
+    fs::rename(station.path("archive/trough/trough.dxf"), station.path("hot/trough.dxf")).unwrap();
+    let output = station.once();
+    assert!(output.err.contains("was delivered before the station was interrupted"), "{output:?}");
+    assert!(
+        output.out.starts_with("0 delivered") && output.out.contains("\n1 delivered before, not delivered again\n"),
+        "{output:?}"
+    );
+    assert_eq!(counts(&station), (0, 1, 0, "repeated".into()));
+}
+
 #[test]
 fn the_settings_decide_whether_a_repeated_drop_is_delivered_again() {
     for (repeat, after_removal, while_in_import) in [

@@ -42,7 +42,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
         if let Work::CorrectAgain { sku, name } = &running.work {
             let result = match outcome {
-                Outcome::Delivered | Outcome::Unchanged => Some(FinishedAs::DeliveredAgain),
+                Outcome::Delivered => Some(FinishedAs::DeliveredAgain),
                 Outcome::Uncertain => Some(FinishedAs::Uncertain),
                 _ => None,
             };
@@ -54,7 +54,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
         // Every other outcome may unblock other drops.
         self.lanes.stale |= !matches!(
             outcome,
-            Outcome::Delivered | Outcome::Unchanged | Outcome::Uncertain | Outcome::Repeated
+            Outcome::Delivered
+                | Outcome::Unchanged
+                | Outcome::Resumed
+                | Outcome::Uncertain
+                | Outcome::Repeated
         );
         match outcome {
             Outcome::Learned { absent, place } => {
@@ -79,7 +83,12 @@ impl<C: Corrector> Dispatcher<'_, C> {
             Outcome::PicturesDue(_) | Outcome::Restored => {}
             Outcome::Unchanged => {
                 self.tally.unchanged += 1;
-                self.status.finished(&running.drop, &running.work, FinishedAs::Delivered);
+                self.status.finished(&running.drop, &running.work, FinishedAs::Repeated);
+                self.drawing_is_done(path, &running, went_along);
+            }
+            Outcome::Resumed => {
+                self.tally.repeated += 1;
+                self.status.finished(&running.drop, &running.work, FinishedAs::Repeated);
                 self.drawing_is_done(path, &running, went_along);
             }
             Outcome::Repeated => {
@@ -181,6 +190,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 self.tally.unchanged += 1;
                 self.reprocessing.forget(name);
             }
+            Outcome::Resumed => {
+                self.tally.repeated += 1;
+                self.reprocessing.forget(name);
+            }
             Outcome::Repeated => self.reprocessing.forget(name),
             // The journal lists it as uncertain.
             Outcome::Uncertain => self.reprocessing.forget(name),
@@ -238,7 +251,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             Outcome::TakesLong => Searched::TakesLong,
             Outcome::Retry(reason, _) if self.mode == Mode::UntilStopped => {
-                self.rounds.warn_once(format!("the part of {sku} cannot be fitted again yet: {}", reason.what));
+                self.rounds
+                    .warn_once(format!("the part of {sku} cannot be fitted again yet: {}", reason.what));
                 Searched::Postponed(self.now() + LONGEST_PAUSE)
             }
             Outcome::Stop(reason) => {

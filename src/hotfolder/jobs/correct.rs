@@ -286,6 +286,7 @@ impl Before {
             delivery: Delivery::default(),
             drawn_from: 0,
             pictures: Vec::new(),
+            is_resumed: self.import != Import::Due,
             import: self.import,
             asked: false,
         }
@@ -353,6 +354,8 @@ impl Correction<'_> {
             delivery: made,
             drawn_from,
             pictures: Vec::new(),
+            // A drawing for BeamServer is delivered when that has imported it.
+            is_resumed: matches!(how, How::BeforeTheCrash(_)) && import != Import::Due,
             import,
             asked: false,
         }

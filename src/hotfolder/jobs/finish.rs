@@ -50,6 +50,7 @@ impl<C: Corrector> Executor<'_, C> {
     pub(crate) fn complete(&self, ready: &Ready, mut unfiled: Unfiled) -> Result<Outcome, EarlyEnd> {
         match self.remaining_steps(ready, &mut unfiled) {
             Ok(()) => Ok(match unfiled.certainty {
+                Certainty::Certain if unfiled.is_resumed => Outcome::Resumed,
                 Certainty::Certain => Outcome::Delivered,
                 Certainty::Uncertain => Outcome::Uncertain,
             }),

@@ -139,6 +139,8 @@ pub(crate) struct Unfiled {
     pub(crate) import: Import,
     /// Whether BeamServer has already imported it.
     pub(crate) asked: bool,
+    /// Whether the station delivered it before it was interrupted.
+    pub(crate) is_resumed: bool,
 }
 
 impl Unfiled {
@@ -176,6 +178,8 @@ pub(crate) enum Outcome {
     Restored,
     /// A drawing was delivered.
     Delivered,
+    /// A drawing that was delivered before the station was interrupted was filed.
+    Resumed,
     /// A drawing was delivered and its report is written; its pictures and its original are due when no other drop waits.
     PicturesDue(Box<Task>),
     /// The drawing was delivered before and is unchanged in the import folder; its original was filed.

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
@@ -52,8 +52,11 @@ pub struct Status {
     pub at: String,
     /// When the station was started.
     pub since: String,
-    /// What it has done since then.
+    /// What it has done since then, and in the last hour.
     pub done: Done,
+    /// The minutes of the last hour in which something was delivered or rejected, also before the start, the oldest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub minutes: Vec<Minute>,
     /// The problems with the folders and the settings.
     #[serde(default)]
     pub troubles: Vec<String>,
@@ -133,12 +136,25 @@ pub enum State {
     EndedSilently,
 }
 
-/// Counts since the start, and of the last hour.
+/// What was done in one minute.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct Minute {
+    /// When it begins, in universal time.
+    pub at: String,
+    /// Corrected drawings delivered.
+    pub delivered: u64,
+    /// Drops rejected.
+    pub rejected: u64,
+}
+
+/// Counts since the start, and of the last hour, which may have begun before the start.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct Done {
-    /// Corrected drawings delivered.
+    /// Corrected drawings delivered, without those that were delivered before.
     pub delivered: u64,
     /// Parts fitted.
     pub learned: u64,
@@ -293,7 +309,11 @@ impl Status {
 
     /// The status at a later time, with the current state of the station: a running one writes its status every few
     /// seconds.
-    pub fn seen(self, runs: bool, now: SystemTime) -> Self {
+    pub fn seen(mut self, runs: bool, now: SystemTime) -> Self {
+        // A status of an older version has no minutes.
+        if !self.minutes.is_empty() {
+            self.done.count_last_hour(&self.minutes, now);
+        }
         let heard = now.checked_sub(LONGEST_SILENCE).unwrap_or(SystemTime::UNIX_EPOCH);
         let state = match (runs, self.running) {
             (true, _) if self.at < clock::timestamp(heard) => State::Silent,
@@ -305,14 +325,35 @@ impl Status {
     }
 }
 
+impl Done {
+    /// Counts what was done in the hour before `now`.
+    fn count_last_hour(&mut self, minutes: &[Minute], now: SystemTime) {
+        let (from, to) = last_hour(now);
+        let counted = || minutes.iter().filter(|minute| from <= minute.at && minute.at <= to);
+        self.delivered_last_hour = counted().map(|minute| minute.delivered).sum();
+        self.rejected_last_hour = counted().map(|minute| minute.rejected).sum();
+    }
+}
+
+/// The first and the last minute of the hour before `now`.
+fn last_hour(now: SystemTime) -> (String, String) {
+    let hour_ago = now.checked_sub(HOUR).unwrap_or(SystemTime::UNIX_EPOCH);
+    (minute_of(hour_ago), minute_of(now))
+}
+
+/// The minute of a moment, as text whose order is that of time.
+fn minute_of(moment: SystemTime) -> String {
+    let second = clock::timestamp(moment);
+    format!("{}:00Z", second.get(..16).unwrap_or(&second))
+}
+
 /// What a station remembers for its status.
 pub(crate) struct StatusBoard {
     station: String,
     since: String,
-    started: Instant,
     done: Done,
-    /// Deliveries and rejections of the last hour, by minute since the start.
-    minutes: VecDeque<(u64, u64, u64)>,
+    /// Deliveries and rejections of the last hour.
+    minutes: Vec<Minute>,
     finished: VecDeque<Finished>,
     rejections: VecDeque<Rejection>,
     next: Moment,
@@ -337,17 +378,16 @@ pub(crate) struct View<'a> {
 }
 
 impl StatusBoard {
-    /// Starts with the finished and rejected drops from the previous status, if that can be read.
+    /// Starts with the last hour and the finished and rejected drops from the previous status, if that can be read.
     pub(crate) fn new(station: &Station, state: &Path) -> Self {
         let before = Status::read(state).ok().flatten();
-        let (finished, rejections) =
-            before.map(|status| (status.finished, status.rejections)).unwrap_or_default();
+        let (minutes, finished, rejections) =
+            before.map(|status| (status.minutes, status.finished, status.rejections)).unwrap_or_default();
         Self {
             station: station.name.clone(),
             since: clock::now(),
-            started: Instant::now(),
             done: Done::default(),
-            minutes: VecDeque::new(),
+            minutes,
             finished: finished.into(),
             rejections: rejections.into(),
             next: Moment::ZERO,
@@ -365,7 +405,7 @@ impl StatusBoard {
         match result {
             FinishedAs::Delivered | FinishedAs::DeliveredAgain => {
                 self.done.delivered += 1;
-                self.minute().1 += 1;
+                self.minute().delivered += 1;
             }
             FinishedAs::Learned => self.done.learned += 1,
             FinishedAs::Repeated | FinishedAs::Uncertain | FinishedAs::HandedOver => {}
@@ -384,7 +424,7 @@ impl StatusBoard {
 
     pub(crate) fn rejected(&mut self, drop: &str, reason: &Reason) {
         self.done.rejected += 1;
-        self.minute().2 += 1;
+        self.minute().rejected += 1;
         self.rejections.push_front(Rejection { at: clock::now(), drop: drop.into(), reason: reason.clone() });
         self.rejections.truncate(ERRORS);
     }
@@ -417,13 +457,12 @@ impl StatusBoard {
     }
 
     fn status(&mut self, view: &View) -> Status {
-        let oldest = (self.started.elapsed().saturating_sub(HOUR)).as_secs() / 60;
-        while self.minutes.front().is_some_and(|(minute, ..)| *minute < oldest) {
-            self.minutes.pop_front();
-        }
+        let now = SystemTime::now();
+        let (oldest, newest) = last_hour(now);
+        // If the clock was set back, minutes in the future would be kept for too long.
+        self.minutes.retain(|minute| oldest <= minute.at && minute.at <= newest);
         let mut done = self.done.clone();
-        done.delivered_last_hour = self.minutes.iter().map(|(_, delivered, _)| delivered).sum();
-        done.rejected_last_hour = self.minutes.iter().map(|(.., rejected)| rejected).sum();
+        done.count_last_hour(&self.minutes, now);
         let running = |drop: &Waiting| view.under_way.iter().any(|job| job.drop == drop.drop);
         let (mut waiting, incomplete) = view.drops.left();
         let waits = |list: Vec<Waiting>| {
@@ -446,6 +485,7 @@ impl StatusBoard {
             at: String::new(),
             since: self.since.clone(),
             done,
+            minutes: self.minutes.clone(),
             troubles: view.troubles.clone(),
             under_way: view.under_way.clone(),
             waiting: waits(waiting),
@@ -459,10 +499,10 @@ impl StatusBoard {
         }
     }
 
-    fn minute(&mut self) -> &mut (u64, u64, u64) {
-        let now = self.started.elapsed().as_secs() / 60;
-        if self.minutes.back().is_none_or(|(minute, ..)| *minute != now) {
-            self.minutes.push_back((now, 0, 0));
+    fn minute(&mut self) -> &mut Minute {
+        let at = minute_of(SystemTime::now());
+        if self.minutes.last().is_none_or(|minute| minute.at != at) {
+            self.minutes.push(Minute { at, delivered: 0, rejected: 0 });
         }
         let last = self.minutes.len() - 1;
         &mut self.minutes[last]
@@ -505,6 +545,27 @@ mod tests {
         ] {
             let seen = status.clone().seen(runs, at + Duration::from_secs(after));
             assert_eq!((seen.running, seen.state), (runs, state));
+        }
+    }
+
+    /// GNU date: 1767225600 is 2026-01-01T00:00:00Z.
+    #[test]
+    fn the_last_hour_is_that_before_the_look() {
+        let midnight = SystemTime::UNIX_EPOCH + Duration::from_secs(1_767_225_600);
+        let minute = |at: &str, delivered, rejected| Minute { at: at.into(), delivered, rejected };
+        let minutes = [
+            minute("2025-12-31T23:05:00Z", 1, 10),
+            minute("2026-01-01T00:00:00Z", 2, 20),
+            minute("2026-01-01T00:30:00Z", 4, 40),
+        ];
+        for (later, delivered) in [(0, 3), (1800, 6), (3659, 6), (3660, 4), (7300, 0)] {
+            let mut done = Done::default();
+            done.count_last_hour(&minutes, midnight + Duration::from_secs(later));
+            assert_eq!(
+                (done.delivered_last_hour, done.rejected_last_hour),
+                (delivered, 10 * delivered),
+                "{later}"
+            );
         }
     }
 }
