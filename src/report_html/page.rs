@@ -7,6 +7,7 @@ use serde_json::json;
 use super::content::{PageContent, Plane};
 use super::markup::{Markup, document};
 use super::spots::{SpotLabel, Spots, ValueLabels, rounded, to_decimals};
+use crate::formats::mesh::MeshFormat;
 use crate::geometry::space::View;
 use crate::preview::{OnPart, PartSource, PreviewPath, stretch_colors, stretch_range_text};
 use crate::reason::{Notice, Severity};
@@ -375,9 +376,19 @@ fn shown(body: &mut Markup, content: &PageContent<'_>, spots: &Spots) {
 fn part_text(report: &Report, on_part: &OnPart) -> String {
     let [x, y, z] = report.part.facts.size;
     let (shown, of_source) = (on_part.part.triangles().len(), on_part.part.source_triangles());
+    // Facets under the drawing are divided for the picture.
+    let is_divided = shown > of_source;
     let what = match on_part.part_source {
+        PartSource::File if report.part.facts.format == Some(MeshFormat::Step) => {
+            format!("the faces of its file, shown with {shown} triangles")
+        }
         PartSource::File if shown < of_source => {
             format!("{shown} triangles, thinned for the picture from {of_source}")
+        }
+        PartSource::File if is_divided => {
+            format!(
+                "the {of_source} triangles of its file, divided under the drawing into {shown} for the picture"
+            )
         }
         PartSource::File => format!("the {shown} triangles of its file"),
         PartSource::Heights => "the side that faces the laser, as it was sampled".to_owned(),

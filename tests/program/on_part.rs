@@ -11,6 +11,19 @@ const CAN: &str = "--facing -y --place 0,60 --on-part on.glb";
 /// Radius of the can of the samples, mm; its axis is the z axis.
 const RADIUS: f64 = 33.0;
 
+/// The trough has two faces with four corners; those under a drawing are divided for the picture.
+#[test]
+fn the_page_counts_the_triangles_of_the_file() {
+    let desk = Desk::new();
+    desk.write(
+        "trough.obj",
+        "v -20 -20 1\nv 0 -20 0\nv 20 -20 1\nv -20 20 1\nv 0 20 0\nv 20 20 1\nf 1 2 5 4\nf 2 3 6 5\n",
+    );
+    desk.correct("trough.obj", &drawing("square"), "--report-html page.html");
+    let page = desk.text("page.html");
+    assert!(page.contains("mm, the 4 triangles of its file"), "{}", page.split("triangles").next().unwrap());
+}
+
 /// A scene that was read back, in mm with +Z up.
 struct Picture {
     bytes: Vec<u8>,

@@ -16,7 +16,13 @@ fn the_can_is_unrolled_with_the_numbers_of_the_file() {
     ] {
         assert!(shown.contains(words), "`{words}` is missing in:\n{shown}");
     }
-    let report = desk.correct(&can, &lines, "--facing=-y --place 0,60 --preview side.svg --on-part can.glb");
+    let report = desk.correct(
+        &can,
+        &lines,
+        "--facing=-y --place 0,60 --preview side.svg --on-part can.glb --report-html can.html",
+    );
+    let page = desk.text("can.html");
+    assert!(page.contains("mm, the faces of its file, shown with "), "a STEP file has no triangles");
     assert_eq!(report["map"]["method"], "cylinder");
     // The file gives the radius as 33.
     assert_eq!(number(&report, "/map/radius_mm"), 33.0);
