@@ -185,6 +185,11 @@ fn a_field_without_a_value_refuses_the_drawing_by_name() {
         let output =
             run(&desk, &["plate.obj", "fields.dxf"], &[AS_DRAWN, given, &["--losses", "warn"]].concat());
         output.refused(1, &["content-missing", field, words, "layer MARK", "TEXT 31"]);
+        // What is given need not be given.
+        if words.contains("digits") {
+            output.refused(1, &["room for all numbers"]);
+            assert!(!output.err.contains("--content serial="), "{}", output.err);
+        }
         assert!(!desk.path("out.dxf").exists());
     }
     for (option, words) in [

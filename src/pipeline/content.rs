@@ -93,7 +93,17 @@ fn remedy_for_column(column: &str, values: Values<'_>) -> String {
 
 fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
     let name = field.trim_matches(['{', '}']);
+    let is_given = why.is_some_and(|why| !pattern::is_not_given(why));
     let remedy = match name.split(':').next().unwrap_or_default() {
+        // The value cannot be shown as the field is written.
+        "serial" if is_given => {
+            "Write the field with room for all numbers, such as {serial:08} for eight digits or {serial} for any number; or give smaller \
+             numbers"
+                .to_owned()
+        }
+        "date" if is_given => "Write the field with a known format, such as {date:%d.%m.%Y}".to_owned(),
+        "shift" | "sku" if is_given => "Write the field without a format".to_owned(),
+        "sku" => "Correct the drawing for a SKU, with `isomark correct --sku`".to_owned(),
         "serial" => {
             "Give it with `isomark correct --content serial=17`, as `serial` under [content] in the settings beside the drawing, or with \
              `--list`; in a station, drop a list of the same name before the drawing".to_owned()

@@ -17,6 +17,8 @@ const LONGEST: usize = 200;
 const MOST_DIGITS: usize = 20;
 /// How a date is written without a format.
 const USUAL_DATE: &str = "%Y-%m-%d";
+/// How the reason begins why a field has no value, if none is given.
+const NOT_GIVEN: &str = "no ";
 
 /// The values of the fields for one product. Clock and counter are inputs: equal values give equal drawings.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -208,7 +210,12 @@ fn escaped(value: &str, syntax: Syntax) -> String {
     out
 }
 
-/// The value of a field, or why it has none.
+/// Whether a field has no value because none is given. Otherwise a value is given that the field cannot show.
+pub(crate) fn is_not_given(why: &str) -> bool {
+    why.starts_with(NOT_GIVEN)
+}
+
+/// The value of a field, or why it has none: the reason begins with [`NOT_GIVEN`] exactly if no value is given.
 fn value(field: &str, content: &Content) -> Result<String, String> {
     let (name, argument) = field.split_once(':').map_or((field, None), |(name, rest)| (name, Some(rest)));
     let value = match (name, argument) {
