@@ -384,6 +384,10 @@ impl Named {
 fn reason(error: &CalibrationError, named: &Named) -> Reason {
     let undetermined = |what: String, remedy: &str| Reason::new("lens-not-determined", what, remedy);
     match *error {
+        CalibrationError::NothingMeasured => undetermined(
+            "Nothing is measured: no row of the table has a measured value.".into(),
+            "Mark the crosses, measure them on at least two plates, and fill in the columns for the measured values.",
+        ),
         CalibrationError::OneHeight => undetermined(
             format!("{error}."),
             "Mark and measure the crosses on a second plate at least 10 mm higher; the column is height_mm.",

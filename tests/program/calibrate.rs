@@ -304,7 +304,7 @@ fn tables_that_cannot_be_right_are_refused_with_what_to_do() {
         });
         lines.collect::<Vec<_>>().join("\n")
     };
-    let cases: [(String, i32, &[&str]); 6] = [
+    let cases: [(String, i32, &[&str]); 7] = [
         (
             each(&|cells| cells.swap(4, 5)),
             1,
@@ -338,6 +338,15 @@ fn tables_that_cannot_be_right_are_refused_with_what_to_do() {
             }),
             1,
             &["at one height"],
+        ),
+        // The table as it is written.
+        (
+            each(&|cells| {
+                cells[4].clear();
+                cells[5].clear()
+            }),
+            1,
+            &["Nothing is measured", "fill in the columns"],
         ),
         (
             each(&|cells| {

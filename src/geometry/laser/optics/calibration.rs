@@ -136,6 +136,9 @@ pub struct LensCalibration {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrationError {
+    /// No reading has a measured value.
+    #[error("nothing is measured")]
+    NothingMeasured,
     /// All plates have the same height.
     #[error("all measurements are at one height")]
     OneHeight,
@@ -293,6 +296,9 @@ impl<'a> Problem<'a> {
         let used = |cross: &&CrossReading| cross.measured.iter().any(Option::is_some);
         let used_crosses = || crosses.iter().filter(used);
         let all = used_crosses().map(|cross| cross.z).chain(distances.iter().map(|distance| distance.z));
+        if all.clone().next().is_none() {
+            return Err(CalibrationError::NothingMeasured);
+        }
         let [low, high] =
             all.clone().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)]);
         if !(high - low > SAME_HEIGHT) {
