@@ -161,6 +161,9 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         let wanted = (!arguments.rejected).then_some(drops.as_slice());
         let (returned, mut trouble) =
             return_rejected(&folders, wanted).map_err(|error| Failure::environment(&error))?;
+        if returned.is_empty() && trouble.is_empty() {
+            print("no drop is rejected\n");
+        }
         print(
             &returned
                 .iter()
