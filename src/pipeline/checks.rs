@@ -490,9 +490,19 @@ fn seen_extents(part: &CachedSurface, nodes: &Extents, step: f64) -> Extents {
         let sides = [nodes.min - seen.min, seen.max - nodes.max];
         (sides[0].min().min(sides[1].min()), sides[0].max().max(sides[1].max()))
     };
-    let sides = part.facts.sides.iter().map(|side| {
+    // The sides are seen without a roll; with one, mostly by quarter turns.
+    let sides = part.facts.sides.iter().flat_map(|side| {
         let [left, bottom, right, top] = side.extents_mm;
-        Extents { min: Vector2::new(left, bottom), max: Vector2::new(right, top) }
+        [
+            [left, bottom, right, top],
+            [-top, left, -bottom, right],
+            [-right, -top, -left, -bottom],
+            [bottom, -right, top, -left],
+        ]
+        .map(|[left, bottom, right, top]| Extents {
+            min: Vector2::new(left, bottom),
+            max: Vector2::new(right, top),
+        })
     });
     let near = sides.map(|seen| (seen, beyond(&seen)));
     let near = near.filter(|(_, (least, most))| *least > -step * 1e-6 && *most < RIM_STEPS * step);

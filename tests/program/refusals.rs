@@ -172,6 +172,22 @@ fn drawings_that_are_not_on_the_part() {
         correct(&desk, &part(can), &drawing("abc"), "--facing -y --place 60,60")
             .refused(1, &["part spans x -33.0 to 33.0 "]);
     }
+    // A box, also when it is turned on the table.
+    let corners = (0..8).map(|corner| {
+        let end = |bit: u32, length: f64| if corner >> bit & 1 == 1 { length } else { -length };
+        format!("v {} {} {}\n", end(0, 25.0), end(1, 20.0), end(2, 5.0))
+    });
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    desk.write("box.obj", corners.collect::<String>() + faces);
+    for (roll, spans) in [
+        (0, "part spans x -25.0 to 25.0 and y -20.0 to 20.0 mm"),
+        (90, "part spans x -20.0 to 20.0 and y -25.0 to 25.0 mm"),
+        (180, "part spans x -25.0 to 25.0 and y -20.0 to 20.0 mm"),
+        (270, "part spans x -20.0 to 20.0 and y -25.0 to 25.0 mm"),
+    ] {
+        let options = format!("--part-unit mm --part-up z --place 24,0 --set part.roll_deg={roll}");
+        correct(&desk, "box.obj", &drawing("abc"), &options).refused(1, &[spans]);
+    }
     // The drawing is on the steep side of the can.
     correct(&desk, &part("can/fc020-gui.glb"), &drawing("abc"), "--place 33,0").refused(
         1,
