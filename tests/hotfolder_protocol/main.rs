@@ -747,6 +747,32 @@ fn the_reason_of_a_rejected_version_names_the_delivered_one() {
     assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
 }
 
+/// Importers may take `.dxf` only. A drawing that an older version delivered as `.DXF` keeps that name: under the other one it
+/// would be marked a second time.
+#[test]
+fn results_end_with_dxf_in_small_letters() {
+    let mut line = Line::new();
+    line.drop("can.glb", "part");
+    line.drop("can@A.DXF", "one");
+    assert_eq!(line.once().delivered, 1);
+    assert_eq!(line.import(), ["can@A.dxf"]);
+    line.drop("can@a.dxf", "two");
+    assert_eq!(line.once().delivered, 1);
+    assert_eq!(line.import(), ["can@A.dxf"]);
+    let journal = line.text("state/journal.log").unwrap();
+    let of_older = |line: &str| {
+        let json =
+            line.split_once(' ').unwrap().1.replace("\"name\":\"can@A.dxf\"", "\"name\":\"can@A.DXF\"");
+        format!("{} {json}\n", &blake3::hash(json.as_bytes()).to_hex()[..8])
+    };
+    fs::write(line.path("state/journal.log"), journal.lines().map(of_older).collect::<String>()).unwrap();
+    fs::rename(line.path("import/can@A.dxf"), line.path("import/can@A.DXF")).unwrap();
+    line.drop("can@A.DXF", "three");
+    assert_eq!(line.once().delivered, 1);
+    assert_eq!(line.import(), ["can@A.DXF"]);
+    assert_eq!(line.text("import/can@A.DXF").unwrap(), "three on part at 0");
+}
+
 /// On a Windows share `CAN@a.dxf` and `can@a.dxf` are one file, even if the station runs on Linux.
 #[test]
 fn two_spellings_of_a_name_are_one_result() {

@@ -95,9 +95,7 @@ pub enum Meaning {
 /// The name of a pattern's result in the import folder.
 pub fn delivered_as(pattern: &str) -> String {
     match pattern.rsplit_once('.') {
-        Some((stem, ending)) if is_drawing(pattern) && !ending.eq_ignore_ascii_case("dxf") => {
-            format!("{stem}.dxf")
-        }
+        Some((stem, _)) if is_drawing(pattern) => format!("{stem}.dxf"),
         _ => pattern.to_owned(),
     }
 }
@@ -305,7 +303,7 @@ mod tests {
     fn results_are_dxf_files() {
         for (pattern, delivered) in [
             ("can.dxf", "can.dxf"),
-            ("can@a.DXF", "can@a.DXF"),
+            ("can@a.DXF", "can@a.dxf"),
             ("can@a.b.Png", "can@a.b.dxf"),
             ("can.bmp", "can.dxf"),
             ("can@logo.svg", "can@logo.dxf"),
