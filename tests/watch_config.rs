@@ -39,3 +39,19 @@ fn the_annotated_station_shows_the_defaults() {
     assert_eq!(station.delivery, DeliverySettings::default());
     assert_eq!(station.folders.skus, file.with_file_name("skus"));
 }
+
+/// Choosing another value for one key must not leave another key at a value that is no default any more.
+#[test]
+fn the_annotated_station_with_polling_shows_its_defaults() {
+    let text =
+        fs_err::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("watch-config/station.toml"))
+            .unwrap();
+    let polling = text.replace("backend = \"auto\" ", "backend = \"poll\" ");
+    assert_ne!(text, polling);
+    let folder = tempfile::tempdir().unwrap();
+    let [annotated, bare] = ["annotated.toml", "bare.toml"].map(|name| folder.path().join(name));
+    fs_err::write(&annotated, polling).unwrap();
+    let least = "[station]\nname = \"x\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 110\nheight_mm = 110\n";
+    fs_err::write(&bare, format!("{least}[watch]\nbackend = \"poll\"\n")).unwrap();
+    assert_eq!(Station::load(&annotated).unwrap().watch, Station::load(&bare).unwrap().watch);
+}
