@@ -216,8 +216,11 @@ fn each_row_is_a_drawing_with_the_next_serial_number() {
 #[test]
 fn serial_numbers_go_on_although_the_journal_is_damaged_or_lost() {
     let flipped = |bytes: &[u8]| -> Vec<u8> {
-        let mut lines: Vec<Vec<u8>> = bytes.split_inclusive(|byte| *byte == b'\n').map(<[u8]>::to_vec).collect();
-        for line in lines.iter_mut().filter(|line| String::from_utf8_lossy(line).contains("\"did\":\"listing\"")) {
+        let mut lines: Vec<Vec<u8>> =
+            bytes.split_inclusive(|byte| *byte == b'\n').map(<[u8]>::to_vec).collect();
+        for line in
+            lines.iter_mut().filter(|line| String::from_utf8_lossy(line).contains("\"did\":\"listing\""))
+        {
             line[40] ^= 1;
         }
         lines.concat()
@@ -263,7 +266,10 @@ fn serial_numbers_go_on_although_the_journal_is_damaged_or_lost() {
             assert_eq!(status().contains("the journal was damaged"), is_damaged, "{what}: {}", status());
             if is_damaged {
                 let log = station.once();
-                assert!(!log.contains("damaged line") && status().contains("the journal was damaged"), "{log}");
+                assert!(
+                    !log.contains("damaged line") && status().contains("the journal was damaged"),
+                    "{log}"
+                );
                 fs::remove_file(station.path("state/journal.damaged.log")).unwrap();
                 station.once();
                 assert!(!status().contains("the journal was damaged"), "{}", status());
@@ -295,7 +301,11 @@ fn a_list_waits_when_all_that_is_left_of_its_serial_numbers_is_damaged() {
     station.put("trough@plate.csv", &list(4..5));
     station.put("trough@plate.dxf", &drawing());
     let log = station.once();
-    assert!(station.names("import").is_empty() && log.contains("The last serial number of SKU `trough` is unknown"), "{log}");
+    assert!(
+        station.names("import").is_empty()
+            && log.contains("The last serial number of SKU `trough` is unknown"),
+        "{log}"
+    );
     assert_eq!(station.names("hot"), ["trough@plate.csv", "trough@plate.dxf"], "{log}");
     station.write_settings("[serial]\nstart = 100\n");
     fs::remove_file(&note).unwrap();
@@ -358,6 +368,27 @@ fn a_list_waits_for_its_drawing_and_a_scan_is_no_list() {
     station.put("flat.csv", &points);
     let log = station.once();
     assert!(log.contains("flat.csv is now the part of SKU `flat`"), "{log}");
+}
+
+/// Without an `@`, a list is read as a scan, and its drawing has no serial number.
+#[test]
+fn a_list_with_the_name_of_a_scan_is_rejected_with_the_name_that_it_needs() {
+    for settings in ["[part]\nshape = \"cylinder\"\ndiameter_mm = 60\nlength_mm = 90\n", ""] {
+        let station = Station::new("");
+        station.once();
+        fs::write(station.path("skus/trough.toml"), settings).unwrap();
+        station.put("trough.csv", &list(0..2));
+        station.put("trough.dxf", &drawing());
+        let log = station.once();
+        let names = "trough@label.csv";
+        let reason = fs::read_to_string(station.path("rejected/trough.csv.reason.txt")).unwrap();
+        assert!(reason.contains(names) && reason.contains("list of products"), "{reason}: {log}");
+        // A part that was rejected holds its drawings back until it is removed.
+        fs::remove_file(station.path("rejected/trough.csv")).unwrap();
+        let log = log + &station.once();
+        let reason = fs::read_to_string(station.path("rejected/trough.dxf.reason.txt")).unwrap();
+        assert!(reason.contains(names), "{reason}: {log}");
+    }
 }
 
 /// SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014).

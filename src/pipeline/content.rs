@@ -84,11 +84,21 @@ fn remedy_for_column(column: &str, values: Values<'_>) -> String {
     };
     let list = match list {
         Some(stem) => format!("drop {stem}.csv with a column `{column}` before the drawing"),
-        None => format!(
-            "drop a list with a column `{column}` before the drawing, such as can@label.csv for can@label.dxf"
-        ),
+        None => {
+            format!("drop a list with a column `{column}` before the drawing, {}", names_with_list(values))
+        }
     };
     format!("In a station, {list}; on the command line, give `--content \"csv.{column}=VALUE\"`")
+}
+
+/// Names for a drawing and its list in a station: with an `@`, as a `.csv` file without it is a scan.
+fn names_with_list(values: Values<'_>) -> String {
+    let sku = match values {
+        Values::Drawing(name) => name.split(['@', '.']).next().filter(|sku| !sku.is_empty()),
+        Values::Row(..) | Values::Code => None,
+    };
+    let sku = sku.unwrap_or("can");
+    format!("such as {sku}@label.csv for {sku}@label.dxf")
 }
 
 fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
@@ -104,10 +114,11 @@ fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
         "date" if is_given => "Write the field with a known format, such as {date:%d.%m.%Y}".to_owned(),
         "shift" | "sku" if is_given => "Write the field without a format".to_owned(),
         "sku" => "Correct the drawing for a SKU, with `isomark correct --sku`".to_owned(),
-        "serial" => {
+        "serial" => format!(
             "Give it with `isomark correct --content serial=17`, as `serial` under [content] in the settings beside the drawing, or with \
-             `--list`; in a station, drop a list of the same name before the drawing".to_owned()
-        }
+             `--list`; in a station, drop a list of the same name before the drawing, {}",
+            names_with_list(values)
+        ),
         "date" => "Give a known format, and the date with `isomark correct --date` or as `date` under [content]".to_owned(),
         "shift" => {
             "Give it with `isomark correct --content shift=NAME`, or as `shift` under [content], or `shifts` and a date"

@@ -11,6 +11,7 @@ use crate::formats::Pace;
 use crate::hotfolder::api::{Corrector, JobError};
 use crate::hotfolder::beamserver;
 use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
+use crate::hotfolder::seen::names::is_list_ending;
 use crate::hotfolder::seen::{Found, LARGEST_DROP, delivered_as, folders};
 use crate::hotfolder::state::{Certainty, Import, Job, with_slashes};
 use crate::printable::on_one_line;
@@ -190,6 +191,14 @@ impl<C: Corrector> Executor<'_, C> {
             Work::Learn(sku) => guarded(|| Ok(self.corrector.knows(sku, &task.settings)))?.then_some(sku),
             _ => None,
         };
+        if let Work::Learn(sku) = &task.work
+            && is_list_ending(&task.path)
+        {
+            reason.remedy += &format!(
+                " If this is the list of products for a drawing, drop it as {sku}@label.csv, before the drawing {sku}@label.dxf: both \
+                 names need the same text behind an @."
+            );
+        }
         if let Work::Correct { name, .. } = &task.work
             && let Some(older) = self.journal().result(&delivered_as(name))
         {

@@ -114,10 +114,14 @@ pub(crate) fn is_sidecar(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(SIDECAR))
 }
 
+/// Whether the file has the ending of a list of products; without an `@` in its name, it is a scan.
+pub(crate) fn is_list_ending(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(LIST))
+}
+
 /// Whether the file is a list of products for the drawing beside it: its name has an `@`, as that of a drawing.
 pub(crate) fn is_list(path: &Path) -> bool {
-    let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(LIST));
-    is_csv && path.file_stem().is_some_and(|stem| stem.to_string_lossy().contains('@'))
+    is_list_ending(path) && path.file_stem().is_some_and(|stem| stem.to_string_lossy().contains('@'))
 }
 
 /// The path of the list of a pattern: `<sku>@<name>.csv` beside `<sku>@<name>.dxf`.
