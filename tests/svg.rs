@@ -271,6 +271,34 @@ fn clip_paths_of_nested_drawings_and_symbols_are_in_their_units() {
     }
 }
 
+/// The position of a copy is part of its transform, inside which its clip path is: SVG 2, section 5.6. Chromium draws the same, resvg
+/// all but the symbol.
+#[test]
+fn the_clip_path_of_a_copy_moves_with_its_position() {
+    let clip = "<clipPath id='c'><rect width='10' height='8'/></clipPath>";
+    for (copied, way, expected) in [
+        ("<rect id='r' width='20' height='20'/>", "", [10.0, 27.0, 20.0, 35.0]),
+        ("<rect id='r' width='20' height='20'/>", "transform='scale(2)'", [20.0, 14.0, 40.0, 30.0]),
+        ("<g id='r'><rect width='20' height='20'/></g>", "", [10.0, 27.0, 20.0, 35.0]),
+        (
+            "<symbol id='r' viewBox='0 0 5 5'><rect width='20' height='20'/></symbol>",
+            "width='20' height='20'",
+            [10.0, 27.0, 20.0, 35.0],
+        ),
+        (
+            "<svg id='r' x='2' viewBox='0 0 5 5' width='20' height='20'><rect width='20' height='20'/></svg>",
+            "",
+            [12.0, 27.0, 20.0, 35.0],
+        ),
+    ] {
+        let content =
+            format!("{clip}<defs>{copied}</defs><use href='#r' x='10' y='5' clip-path='url(#c)' {way}/>");
+        let reading = drawn(&content);
+        near(extents(&reading), expected);
+        assert!(reading.facts.skipped.is_empty(), "{content}");
+    }
+}
+
 #[test]
 fn definitions_inherit_from_their_own_place() {
     let star = "<path d='M100 15l50 160l-130 -100l160 0l-130 100z' transform='scale(0.2)'/>";

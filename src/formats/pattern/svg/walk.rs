@@ -318,6 +318,14 @@ impl<'a, 'd> Walk<'a, 'd> {
             "image" => {
                 self.lost(node, &context, "it is a picture: trace it, or mark it in a job of its own as PNG")
             }
+        // The position of a copy is part of its transform, inside which its clip path is (SVG 2, section 5.6).
+        let context = match tag {
+            "use" => match self.shifted(node, context.clone()) {
+                Ok(context) => context,
+                Err(why) => return self.unread(node, &context, why),
+            },
+            _ => context,
+        };
             "foreignObject" | "iframe" | "video" | "audio" | "canvas" => self.lost(
                 node,
                 &context,
@@ -463,7 +471,15 @@ impl<'a, 'd> Walk<'a, 'd> {
         Ok(())
     }
 
-    /// A copy of another element.
+    /// What an element passes on at its position `x`, `y`, or why that cannot be read.
+    fn shifted(&self, node: Node<'a, 'd>, context: Context) -> Result<Context, String> {
+        let side = |name, whole| Ok::<_, String>(self.length(node, name, whole, &context)?.unwrap_or(0.0));
+        let offset = Vector2::new(side("x", context.viewport.x)?, side("y", context.viewport.y)?);
+        let shift = Affine { linear: Matrix2::identity(), offset };
+        Ok(Context { map: context.map.after(&shift), ..context })
+    }
+
+    /// A copy of another element, at its position.
     fn copy(&mut self, node: Node<'a, 'd>, context: &Context) -> Result<(), PatternReadError> {
         let link = node
             .attributes()
@@ -488,15 +504,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             );
             return Ok(());
         }
-        let [x, y] = [("x", context.viewport.x), ("y", context.viewport.y)]
-            .map(|(name, whole)| self.length(node, name, whole, context));
-        let (x, y) = match (x, y) {
-            (Ok(x), Ok(y)) => (x.unwrap_or(0.0), y.unwrap_or(0.0)),
-            (Err(why), _) | (_, Err(why)) => return self.unread(node, context, why),
-        };
-        let shift = Affine { linear: Matrix2::identity(), offset: Vector2::new(x, y) };
-        let mut context =
-            Context { map: context.map.after(&shift), block: Some(id.into()), ..context.clone() };
+        let mut context = Context { block: Some(id.into()), ..context.clone() };
         context.style.context_paints = [context.style.fill, context.style.stroke];
         self.open.push(target.id());
         let done = match target.tag_name().name() {
