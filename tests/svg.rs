@@ -299,6 +299,21 @@ fn the_clip_path_of_a_copy_moves_with_its_position() {
     }
 }
 
+/// SVG 2, section 16.1.6; Chromium and resvg draw the same.
+#[test]
+fn of_two_links_the_one_without_xlink_applies() {
+    let shapes = "<rect id='a' width='20' height='20'/><rect id='b' x='3' y='3' width='4' height='5'/>";
+    for links in ["xlink:href='#a' href='#b'", "href='#b' xlink:href='#a'", "xlink:href='#b'"] {
+        let copied = drawn(&format!("<defs>{shapes}</defs><use {links}/>"));
+        near(extents(&copied), [3.0, 32.0, 7.0, 37.0]);
+        let cut = drawn(&format!(
+            "<defs>{shapes}</defs><clipPath id='c'><use {links}/></clipPath>\
+             <rect width='60' height='40' clip-path='url(#c)'/>"
+        ));
+        near(extents(&cut), [3.0, 32.0, 7.0, 37.0]);
+    }
+}
+
 #[test]
 fn definitions_inherit_from_their_own_place() {
     let star = "<path d='M100 15l50 160l-130 -100l160 0l-130 100z' transform='scale(0.2)'/>";

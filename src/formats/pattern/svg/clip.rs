@@ -11,7 +11,7 @@ use super::super::error::PatternReadError;
 use super::area::{self, Polygons};
 use super::place;
 use super::style::{Style, is_svg};
-use super::walk::{Context, DEFINITIONS, Walk, contours, transformed};
+use super::walk::{Context, DEFINITIONS, Walk, contours, link, transformed};
 use crate::geometry::pattern::{Affine, Shape};
 
 impl<'a, 'd> Walk<'a, 'd> {
@@ -64,9 +64,7 @@ impl<'a, 'd> Walk<'a, 'd> {
                 let (Ok(x), Ok(y)) = (x, y) else { return unread() };
                 let (x, y) = (x.unwrap_or(0.0), y.unwrap_or(0.0));
                 let own = place::own(&style, outer.viewport);
-                let link = child.attributes().find(|attribute| attribute.name() == "href");
-                let target =
-                    link.and_then(|link| self.ids.get(link.value().trim().strip_prefix('#')?).copied());
+                let target = link(child).strip_prefix('#').and_then(|id| self.ids.get(id).copied());
                 let (Ok(own), Some(target), false) = (own, target, style.is_clip_unread()) else {
                     return unread();
                 };

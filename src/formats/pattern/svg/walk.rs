@@ -481,11 +481,7 @@ impl<'a, 'd> Walk<'a, 'd> {
 
     /// A copy of another element, at its position.
     fn copy(&mut self, node: Node<'a, 'd>, context: &Context) -> Result<(), PatternReadError> {
-        let link = node
-            .attributes()
-            .find(|attribute| attribute.name() == "href")
-            .map_or("", |link| link.value().trim());
-        let Some(id) = link.strip_prefix('#') else {
+        let Some(id) = link(node).strip_prefix('#') else {
             return self.lost(
                 node,
                 context,
@@ -1133,6 +1129,12 @@ fn inkscape<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
             attribute.name() == name && attribute.namespace().is_some_and(|space| space.contains("inkscape"))
         })
         .map(|attribute| attribute.value())
+}
+
+/// What an element refers to: its `href`, or else the `xlink:href` of SVG 1.1 (SVG 2, section 16.1.6); empty without both.
+pub(super) fn link<'a>(node: Node<'a, '_>) -> &'a str {
+    let links = node.attributes().filter(|attribute| attribute.name() == "href");
+    links.min_by_key(|link| link.namespace().is_some()).map_or("", |link| link.value().trim())
 }
 
 /// Whether an element contains something that can be drawn.
