@@ -668,6 +668,136 @@ fn strokes_are_centre_lines_or_bands() {
     assert!(!codes(&band.facts).contains(&"svg-strokes"));
 }
 
+/// The area that strokes cover, mm².
+#[track_caller]
+fn band_area(content: &str) -> f64 {
+    let options = PatternOptions::default().with_strokes(Strokes::Band);
+    covered(&read(page(content).as_bytes(), &options).unwrap().pattern.paths)[0]
+}
+
+/// Where the rounded end of a contour is not exactly its beginning, the corner between them is that of the contour. The area of a band
+/// with mitred corners is its length times its width if all corners are of straight lines; see the closed form below.
+#[test]
+fn the_last_corner_of_a_contour_is_like_the_others() {
+    for turn in 0..24 {
+        // The segment of a disc of radius 10 over 120 degrees: an arc and its chord, which meet at 60 degrees.
+        let at = |angle: f64| {
+            let angle = angle + f64::from(turn) * 0.27 + 0.1;
+            [30.0 + 10.0 * angle.cos(), 20.0 + 10.0 * angle.sin()]
+        };
+        let ([ax, ay], [bx, by]) = (at(0.0), at(2.0 * PI / 3.0));
+        let band = |d: String, join: &str| {
+            band_area(&format!("<path d='{d}' fill='none' stroke='black' stroke-width='2' {join}/>"))
+        };
+        let (ends_with_arc, begins_with_arc) = (
+            format!("M{bx} {by}L{ax} {ay}A10 10 0 0 1 {bx} {by}z"),
+            format!("M{ax} {ay}A10 10 0 0 1 {bx} {by}z"),
+        );
+        // Outside, the band is that within 1 mm of the convex shape: 1 mm along its outline and discs at its corners. The corners of a
+        // mitre are kites with an angle of 120 degrees between the radii, those of a bevel triangles.
+        let (arc, chord) = (2.0 * PI / 3.0 * 10.0, 10.0 * 3.0_f64.sqrt());
+        let along = arc * 10.5 / 10.0 + chord;
+        let corners = |one: f64| along + 2.0 * one;
+        let outer = [corners((PI / 3.0).tan()), corners((2.0 * PI / 3.0).sin() / 2.0), corners(PI / 3.0)];
+        // Inside, it is what is left of the segment of a disc of radius 9 beyond a chord that is 6 mm from the middle.
+        let half = (6.0_f64 / 9.0).acos();
+        let segment = |radius: f64, half: f64| radius * radius * (half - half.sin() * half.cos());
+        let inner = segment(10.0, PI / 3.0) - segment(9.0, half);
+        for (join, outer) in ["", "stroke-linejoin='bevel'", "stroke-linejoin='round'"].into_iter().zip(outer)
+        {
+            for d in [&ends_with_arc, &begins_with_arc] {
+                let found = band(d.clone(), join);
+                assert!(
+                    (found - outer - inner).abs() < 0.02,
+                    "{turn} {join} {d}: {found}, not {}",
+                    outer + inner
+                );
+            }
+        }
+    }
+}
+
+/// Areas by hand; Chromium and resvg draw the same.
+#[test]
+fn bands_are_whole_at_legs_shorter_than_the_stroke_is_wide() {
+    let band = |d: &str, style: &str| {
+        // Turned, so that rows of pixels are accurate.
+        let turned = "transform='rotate(7 30 20)'";
+        band_area(&format!("<path d='{d}' fill='none' stroke='black' stroke-width='8' {turned} {style}/>"))
+    };
+    // 30 x 8 along the first leg, 4 x 2 of the second one beside it, and half of a square of 4 at the corner.
+    for (join, corner) in [("bevel", 8.0), ("miter", 16.0), ("round", 4.0 * PI)] {
+        let found = band("M10 20H40V22", &format!("stroke-linejoin='{join}'"));
+        assert!((found - 240.0 - 8.0 - corner).abs() < 0.02, "{join}: {found}");
+    }
+    // Back on itself: only the longer leg, with half a disc at the turn.
+    let found = band("M10 20H40H30", "stroke-linejoin='round'");
+    assert!((found - 240.0 - 8.0 * PI).abs() < 0.02, "{found}");
+    // A ring of 24 short lines around a disc smaller than the stroke is wide: nothing of it is left out. Its outline is 1 mm and the 4 mm of
+    // half the stroke from the middle.
+    let corners: Vec<String> = (0..24)
+        .map(|corner| {
+            let angle = PI / 12.0 * f64::from(corner);
+            format!("{} {}", 30.0 + angle.cos(), 20.0 + angle.sin())
+        })
+        .collect();
+    let perimeter = 24.0 * 2.0 * (PI / 24.0).sin();
+    let polygon = 12.0 * (PI / 12.0).sin();
+    let found = band(&format!("M{}z", corners.join(" ")), "stroke-linejoin='round'");
+    let expected = polygon + perimeter * 4.0 + PI * 16.0;
+    assert!((found - expected).abs() < 0.03, "{found}, not {expected}");
+}
+
+/// The width of such a stroke and its dashes are those of the page, whatever the transform; Chromium draws the same.
+#[test]
+fn strokes_that_do_not_scale_are_those_of_the_page() {
+    const PIXEL: f64 = 25.4 / 96.0;
+    let fixed = "fill='none' stroke='black' stroke-width='4' vector-effect='non-scaling-stroke'";
+    // Along a convex curve, a band covers its length times its width.
+    let slant = 40.0_f64.to_radians().tan();
+    let ellipse = |step: u32| {
+        let (sin, cos) = (f64::from(step) / 5e3 * PI).sin_cos();
+        [10.0 * cos + slant * 5.0 * sin, 5.0 * sin]
+    };
+    let length: f64 = (0..10_000)
+        .map(|step| {
+            let ([a, b], [c, d]) = (ellipse(step), ellipse(step + 1));
+            (a - c).hypot(b - d)
+        })
+        .sum();
+    for circle in ["<circle cx='15' cy='40' r='10'", "<path d='M5 40A10 10 0 1 1 25 40A10 10 0 1 1 5 40z'"] {
+        let found = band_area(&format!("<g transform='skewX(40) scale(1 0.5)'>{circle} {fixed}/></g>"));
+        let expected = length * 4.0 * PIXEL;
+        assert!((found - expected).abs() < 0.01, "{circle}: {found}, not {expected}");
+    }
+    // Dashes and gaps of 20 pixels along 40 mm.
+    let content = format!("<g transform='scale(4 1)'><path d='M2 20H12' {fixed} stroke-dasharray='20'/></g>");
+    for strokes in [Strokes::Center, Strokes::Band] {
+        let reading =
+            read(page(&content).as_bytes(), &PatternOptions::default().with_strokes(strokes)).unwrap();
+        let mut spans: Vec<[f64; 2]> = reading
+            .pattern
+            .paths
+            .iter()
+            .map(|path| path.shape.extents())
+            .map(|extents| [extents.min.x, extents.max.x])
+            .collect();
+        spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let dash = 20.0 * PIXEL;
+        assert_eq!(spans.len(), 4, "{strokes:?}: {spans:?}");
+        for (index, span) in spans.iter().enumerate() {
+            let from = 8.0 + 2.0 * dash * index as f64;
+            assert!((span[0] - from).abs() < 1e-3, "{strokes:?}: {spans:?}");
+            assert!((span[1] - (from + dash).min(48.0)).abs() < 1e-3, "{strokes:?}: {spans:?}");
+        }
+    }
+    // One dash that is as long as the contour has no ends.
+    let found = band_area(
+        "<path d='M15 10l9 12 -12 9 -9 -12z' fill='none' stroke='black' stroke-width='2' stroke-dasharray='100 5'/>",
+    );
+    assert!((found - (17.0_f64.powi(2) - 13.0_f64.powi(2))).abs() < 0.02, "{found}");
+}
+
 #[test]
 fn dashes_are_cut_from_the_line() {
     let reading = drawn("<path fill='none' stroke='black' stroke-dasharray='4 2' d='M5 10H55'/>");

@@ -1,4 +1,4 @@
-//! Areas as polygons: the nonzero rule, bands of strokes, and clipping.
+//! Areas as polygons: the nonzero rule, clipping, and the dashes of lines.
 
 use i_overlay::core::fill_rule::FillRule;
 use i_overlay::core::overlay_rule::OverlayRule;
@@ -9,7 +9,7 @@ use i_overlay::string::clip::ClipRule;
 use kurbo::{BezPath, PathEl};
 
 use super::super::budget::{Budget, Exceeded};
-use crate::geometry::pattern::{Affine, Segment, Shape};
+use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::{Extents, FlatPoint};
 
 /// Largest distance between a curve and the polygon that replaces it, mm: far below the accuracy of a laser.
@@ -20,10 +20,12 @@ pub(super) const MAX_COORDINATE: f64 = 1e7;
 pub(super) const LEAST_DASH: f64 = 1e-4;
 /// Two areas with the same outline differ at most by a band of this width, mm, which is rounding.
 const ROUNDING: f64 = 1e-5;
+/// Two points of a path are the same if they are nearer than this share of the tolerance of its curves.
+pub(super) const ROUNDING_SHARE: f64 = 1e-3;
 /// Largest number of pairs of edges that may cross; each crossing makes more edges.
 const MAX_CROSSINGS: usize = 1_000_000;
 /// Number of steps of the budget for each corner of a polygon.
-const STEPS_OF_CORNER: usize = 16;
+pub(super) const STEPS_OF_CORNER: usize = 16;
 
 /// Why areas cannot be united or cut.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -180,9 +182,11 @@ fn check(polygons: &Polygons, budget: &mut Budget) -> Result<(), Unworkable> {
     Ok(())
 }
 
-/// The shapes as a path of lines and curves; arcs become curves within `tolerance`.
+/// The shapes as a path of lines and curves; arcs become curves within `tolerance`. Lines without a length are left out: they would
+/// have no direction.
 pub(super) fn curves(shapes: &[Shape], tolerance: f64) -> BezPath {
     let at = |point: FlatPoint| kurbo::Point::new(point.x, point.y);
+    let least = tolerance * ROUNDING_SHARE;
     let mut path = BezPath::new();
     for shape in shapes {
         let Some(first) = shape.segments().first() else {
@@ -192,30 +196,57 @@ pub(super) fn curves(shapes: &[Shape], tolerance: f64) -> BezPath {
             }
             continue;
         };
-        path.move_to(at(first.start()));
+        let begin = at(first.start());
+        let mut pen = begin;
+        let mut elements: Vec<PathEl> = Vec::new();
         for segment in shape.segments() {
+            let to = at(segment.end());
             match segment {
-                Segment::Line { to, .. } => path.line_to(at(*to)),
-                Segment::Bezier { points: [_, b, c, d], .. } => path.curve_to(at(*b), at(*c), at(*d)),
-                Segment::Arc { center, u, v, start, sweep } => {
-                    // The axes of an arc are perpendicular before an element is transformed.
-                    let mirrored = if u.perp(v) < 0.0 { -1.0 } else { 1.0 };
-                    let arc = kurbo::Arc {
-                        center: at(*center),
-                        radii: kurbo::Vec2::new(u.norm(), mirrored * v.norm()),
-                        start_angle: *start,
-                        sweep_angle: *sweep,
-                        x_rotation: u.y.atan2(u.x),
-                    };
-                    path.extend(arc.append_iter(tolerance));
+                Segment::Line { .. } if pen.distance(to) <= least => continue,
+                Segment::Line { .. } => elements.push(PathEl::LineTo(to)),
+                Segment::Bezier { points: [_, b, c, _], .. } => {
+                    elements.push(PathEl::CurveTo(at(*b), at(*c), to));
                 }
+                Segment::Arc { .. } => elements.extend(curves_of_arc(segment, tolerance)),
             }
+            end_at(&mut elements, to);
+            pen = to;
         }
+        if shape.is_closed() && pen.distance(begin) <= least {
+            end_at(&mut elements, begin);
+        }
+        if elements.is_empty() {
+            elements.push(PathEl::LineTo(pen));
+        }
+        path.move_to(begin);
+        path.extend(elements);
         if shape.is_closed() {
             path.close_path();
         }
     }
     path
+}
+
+/// The curves of an arc; none of other segments.
+fn curves_of_arc(segment: &Segment, tolerance: f64) -> Vec<PathEl> {
+    let Segment::Arc { center, u, v, start, sweep } = segment else { return Vec::new() };
+    // The arc of the unit circle, whose axes any map may turn, stretch and slant.
+    let unit = kurbo::Arc {
+        center: kurbo::Point::ZERO,
+        radii: kurbo::Vec2::new(1.0, 1.0),
+        start_angle: *start,
+        sweep_angle: *sweep,
+        x_rotation: 0.0,
+    };
+    let map = kurbo::Affine::new([u.x, u.y, v.x, v.y, center.x, center.y]);
+    unit.append_iter(tolerance / u.norm().max(v.norm())).map(|element| map * element).collect()
+}
+
+/// Moves the end of a path to where it is without rounding.
+fn end_at(elements: &mut [PathEl], to: kurbo::Point) {
+    if let Some(PathEl::LineTo(end) | PathEl::CurveTo(_, _, end)) = elements.last_mut() {
+        *end = to;
+    }
 }
 
 /// The pieces of dashed lines; those not longer than `least` are dots.
@@ -227,13 +258,13 @@ pub(super) fn dashes(
     tolerance: f64,
 ) -> Vec<Shape> {
     let point = |point: kurbo::Point| FlatPoint::new(point.x, point.y);
-    let mut pieces: Vec<Vec<Segment>> = Vec::new();
+    let mut pieces: Vec<(Vec<Segment>, bool)> = Vec::new();
     let mut at = FlatPoint::new(0.0, 0.0);
     for element in kurbo::dash(curves(shapes, tolerance).elements().iter().copied(), offset, pattern) {
         let segment = match element {
             PathEl::MoveTo(to) => {
                 at = point(to);
-                pieces.push(Vec::new());
+                pieces.push((Vec::new(), false));
                 continue;
             }
             PathEl::LineTo(to) => Segment::Line { from: at, to: point(to) },
@@ -245,18 +276,25 @@ pub(super) fn dashes(
             PathEl::CurveTo(b, c, to) => {
                 Segment::Bezier { points: [at, point(b), point(c), point(to)], weights: [1.0; 4] }
             }
-            PathEl::ClosePath => continue,
+            // One dash is as long as the whole contour; its last segment may follow.
+            PathEl::ClosePath => {
+                if let Some((_, is_closed)) = pieces.last_mut() {
+                    *is_closed = true;
+                }
+                continue;
+            }
         };
         at = segment.end();
-        if let Some(piece) = pieces.last_mut() {
+        if let Some((piece, _)) = pieces.last_mut() {
             piece.push(segment);
         }
     }
-    let shape = |piece: Vec<Segment>| match piece[..] {
+    let shape = |(piece, is_closed): (Vec<Segment>, bool)| match piece[..] {
         [Segment::Line { from, to }] if from.distance(to) <= least => Shape::Dot(from + (to - from) / 2.0),
+        _ if is_closed => Shape::Closed(piece),
         _ => Shape::Open(piece),
     };
-    pieces.into_iter().filter(|piece| !piece.is_empty()).map(shape).collect()
+    pieces.into_iter().filter(|(piece, _)| !piece.is_empty()).map(shape).collect()
 }
 
 /// The length of the shapes, in their units.
@@ -265,55 +303,4 @@ pub(super) fn path_length(shapes: &[Shape], tolerance: f64) -> f64 {
         .segments()
         .map(|segment| kurbo::ParamCurveArclen::arclen(&segment, tolerance))
         .sum()
-}
-
-/// The area of strokes along the shapes, mm. The shapes and the width are in the units of an element, which `to_mm`
-/// maps to mm; `tolerance` is in the same units.
-pub(super) fn band(
-    shapes: &[Shape],
-    stroke: &kurbo::Stroke,
-    to_mm: &Affine,
-    tolerance: f64,
-    budget: &mut Budget,
-) -> Result<Polygons, Unworkable> {
-    // A stroke without length shows only its ends.
-    let half = stroke.width * LEAST_DASH / 2.0;
-    let drawn: Vec<Shape> = shapes
-        .iter()
-        .filter_map(|shape| match shape {
-            Shape::Dot(_) if stroke.start_cap == kurbo::Cap::Butt => None,
-            Shape::Dot(at) => {
-                let end = |shift| FlatPoint::new(at.x + shift, at.y);
-                Some(Shape::Open(vec![Segment::Line { from: end(-half), to: end(half) }]))
-            }
-            other => Some(other.clone()),
-        })
-        .collect();
-    let path = curves(&drawn, tolerance / 4.0);
-    budget.work(path.elements().len().saturating_mul(64))?;
-    let outline = kurbo::stroke(
-        path.elements().iter().copied(),
-        stroke,
-        &kurbo::StrokeOpts::default(),
-        tolerance / 4.0,
-    );
-    let mut polygons: Polygons = Vec::new();
-    let place = |at: kurbo::Point| {
-        let at = to_mm.point(FlatPoint::new(at.x, at.y));
-        [at.x, at.y]
-    };
-    let mut count = 0;
-    kurbo::flatten(outline, tolerance / 2.0, |element| match element {
-        PathEl::MoveTo(to) => polygons.push(vec![place(to)]),
-        PathEl::LineTo(to) => {
-            count += 1;
-            if let Some(polygon) = polygons.last_mut() {
-                polygon.push(place(to));
-            }
-        }
-        _ => {}
-    });
-    budget.work(count * STEPS_OF_CORNER)?;
-    polygons.retain(|polygon| polygon.len() > 2);
-    united(&polygons, FillRule::NonZero, budget)
 }

@@ -13,6 +13,7 @@ mod length;
 mod outline;
 mod style;
 mod area;
+mod stroke;
 mod page;
 mod place;
 mod selector;

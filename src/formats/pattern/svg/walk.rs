@@ -22,6 +22,7 @@ use super::length::number_of;
 use super::outline;
 use super::page::{fitted, view_box};
 use super::place;
+use super::stroke::{self, Pen};
 use super::style::{Paint, Sheets, Style, is_svg};
 use crate::geometry::pattern::{Affine, Color, Path, Segment, Shape, Source};
 use crate::geometry::space::{Extents, FlatPoint};
@@ -119,6 +120,17 @@ pub(super) struct Remarks {
     pub(super) transparent: Option<(usize, EntityName)>,
     pub(super) cut: Option<(usize, EntityName)>,
     pub(super) texts: Vec<FontUses>,
+}
+
+/// What a stroke follows.
+struct Trace<'s> {
+    shapes: &'s [Shape],
+    /// From the units of the shapes to mm.
+    to_mm: Affine,
+    /// How many mm a unit of the shapes is, on average over all directions.
+    scale: f64,
+    /// How many units of the shapes the unit of its width and its dashes is.
+    unit: f64,
 }
 
 /// The white ground of the page.
@@ -306,6 +318,14 @@ impl<'a, 'd> Walk<'a, 'd> {
                 Err(why) => self.unread(node, &context, why),
             };
         }
+        // The position of a copy is part of its transform, inside which its clip path is (SVG 2, section 5.6).
+        let context = match tag {
+            "use" => match self.shifted(node, context.clone()) {
+                Ok(context) => context,
+                Err(why) => return self.unread(node, &context, why),
+            },
+            _ => context,
+        };
         let Some(context) = self.clipped(node, context)? else { return Ok(()) };
         match tag {
             "g" | "a" => self.children(node, &context),
@@ -318,14 +338,6 @@ impl<'a, 'd> Walk<'a, 'd> {
             "image" => {
                 self.lost(node, &context, "it is a picture: trace it, or mark it in a job of its own as PNG")
             }
-        // The position of a copy is part of its transform, inside which its clip path is (SVG 2, section 5.6).
-        let context = match tag {
-            "use" => match self.shifted(node, context.clone()) {
-                Ok(context) => context,
-                Err(why) => return self.unread(node, &context, why),
-            },
-            _ => context,
-        };
             "foreignObject" | "iframe" | "video" | "audio" | "canvas" => self.lost(
                 node,
                 &context,
@@ -758,11 +770,19 @@ impl<'a, 'd> Walk<'a, 'd> {
             return self.region(node, filled, fill_color, context);
         }
 
-        let scale = map.linear.determinant().abs().sqrt();
-        let width =
-            if style.fixed_width { style.stroke_width * self.pixel } else { style.stroke_width * scale };
+        // A stroke whose width is in units of the page is drawn there, any other one in the units of its element.
+        let here = Affine { linear: Matrix2::identity(), offset: Vector2::zeros() };
+        let trace = match style.fixed_width {
+            true => Trace { shapes: &in_mm, to_mm: here, scale: 1.0, unit: self.pixel },
+            false => {
+                let scale = map.linear.determinant().abs().sqrt();
+                Trace { shapes: &shapes, to_mm: map, scale, unit: 1.0 }
+            }
+        };
+        let own_width = style.stroke_width * trace.unit;
+        let width = own_width * trace.scale;
         self.note_width(node, context, width);
-        let dashes = self.dashes(node, &shapes, style, scale, stated, context);
+        let dashes = self.dashes(node, &trace, style, stated, context);
         let color = color(stroke);
         let is_hairline = width < self.hairline;
         if self.strokes == Strokes::Band && is_hairline {
@@ -770,24 +790,14 @@ impl<'a, 'd> Walk<'a, 'd> {
             count(&mut self.drawn.remarks.hairlines, || name);
         }
         if self.strokes == Strokes::Band && !is_hairline {
-            let (local, to_mm, own_width) = match style.fixed_width {
-                true => (&in_mm, Affine { linear: Matrix2::identity(), offset: Vector2::zeros() }, width),
-                false => (&shapes, map, style.stroke_width),
-            };
-            let own_scale = width / own_width;
-            let pen = kurbo::Stroke::new(own_width)
-                .with_caps(style.cap)
-                .with_join(style.join)
-                .with_miter_limit(style.miter_limit);
-            let pen = match &dashes {
-                Some((pattern, offset)) => {
-                    let to_local = if style.fixed_width { scale } else { 1.0 };
-                    pen.with_dashes(offset * to_local, pattern.iter().map(|dash| dash * to_local))
-                }
-                None => pen,
-            };
-            let tolerance = TOLERANCE / own_scale;
-            let band = area::band(local, &pen, &to_mm, tolerance, self.budget);
+            let pen =
+                Pen { width: own_width, cap: style.cap, join: style.join, miter_limit: style.miter_limit };
+            let tolerance = TOLERANCE / trace.scale;
+            let pieces = dashes
+                .as_ref()
+                .map(|(pattern, offset)| area::dashes(trace.shapes, pattern, *offset, 0.0, tolerance / 10.0));
+            let lines = pieces.as_deref().unwrap_or(trace.shapes);
+            let band = stroke::band(lines, &pen, &trace.to_mm, tolerance, self.budget);
             let mut band = self.within(band, node, context)?;
             if !filled.is_empty() && color == fill_color {
                 let both = area::flattened(&filled, self.budget)
@@ -817,9 +827,10 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
         let (lines, is_stroke) = match dashes {
             Some((pattern, offset)) => {
-                let least = width / scale * area::LEAST_DASH * 1.001;
-                let pieces = area::dashes(&shapes, &pattern, offset, least, TOLERANCE / scale / 10.0);
-                (pieces.iter().map(|shape| transformed(shape, &map)).collect(), true)
+                let least = own_width * area::LEAST_DASH * 1.001;
+                let tolerance = TOLERANCE / trace.scale / 10.0;
+                let pieces = area::dashes(trace.shapes, &pattern, offset, least, tolerance);
+                (pieces.iter().map(|shape| transformed(shape, &trace.to_mm)).collect(), true)
             }
             // The outline of an area in its own colour is marked with the area.
             None if is_outlined => {
@@ -892,30 +903,28 @@ impl<'a, 'd> Walk<'a, 'd> {
         }
     }
 
-    /// The dashes of a stroke and where they begin; `None` for a whole line. `stated` is the `pathLength`.
+    /// The dashes of a stroke in its units and where they begin; `None` for a whole line. `stated` is the `pathLength`.
     fn dashes(
         &mut self,
         node: Node<'a, 'd>,
-        shapes: &[Shape],
+        trace: &Trace<'_>,
         style: &Style,
-        scale: f64,
         stated: Option<f64>,
         context: &Context,
     ) -> Option<(Vec<f64>, f64)> {
         if style.dashes.is_empty() {
             return None;
         }
-        let length = area::path_length(shapes, TOLERANCE / scale);
-        let of_width = if style.fixed_width { self.pixel / scale } else { 1.0 };
+        let length = area::path_length(trace.shapes, TOLERANCE / trace.scale);
         // Dashes are shares of the length that the path states.
-        let factor = stated.filter(|_| length > 0.0).map_or(of_width, |stated| length / stated);
+        let factor = stated.filter(|_| length > 0.0).map_or(trace.unit, |stated| length / stated);
         let mut pattern: Vec<f64> = style.dashes.iter().map(|dash| dash * factor).collect();
         if pattern.len() % 2 == 1 {
             pattern.extend_from_within(..);
         }
         if style.cap != kurbo::Cap::Butt {
             // A dash without length shows only its ends; it needs a direction.
-            let least = style.stroke_width * of_width * area::LEAST_DASH;
+            let least = style.stroke_width * trace.unit * area::LEAST_DASH;
             for at in (0..pattern.len()).step_by(2).filter(|at| pattern[*at] < least).collect::<Vec<_>>() {
                 pattern[at] = least;
                 pattern[at + 1] = (pattern[at + 1] - least).max(0.0);
@@ -1122,6 +1131,12 @@ impl<'a, 'd> Walk<'a, 'd> {
     }
 }
 
+/// What an element refers to: its `href`, or else the `xlink:href` of SVG 1.1 (SVG 2, section 16.1.6); empty without both.
+pub(super) fn link<'a>(node: Node<'a, '_>) -> &'a str {
+    let links = node.attributes().filter(|attribute| attribute.name() == "href");
+    links.min_by_key(|link| link.namespace().is_some()).map_or("", |link| link.value().trim())
+}
+
 /// An attribute of Inkscape.
 fn inkscape<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
     node.attributes()
@@ -1129,12 +1144,6 @@ fn inkscape<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
             attribute.name() == name && attribute.namespace().is_some_and(|space| space.contains("inkscape"))
         })
         .map(|attribute| attribute.value())
-}
-
-/// What an element refers to: its `href`, or else the `xlink:href` of SVG 1.1 (SVG 2, section 16.1.6); empty without both.
-pub(super) fn link<'a>(node: Node<'a, '_>) -> &'a str {
-    let links = node.attributes().filter(|attribute| attribute.name() == "href");
-    links.min_by_key(|link| link.namespace().is_some()).map_or("", |link| link.value().trim())
 }
 
 /// Whether an element contains something that can be drawn.
