@@ -1,6 +1,7 @@
 """Makes the two fonts that isomark ships: `python3 make.py DejaVuSans.ttf` (needs fonttools, skia-pathops and hershey-fonts).
 
-`DejaVuSans-subset.ttf` keeps the outlines of European alphabets and common signs, without hints and layout tables.
+`DejaVuSans-subset.ttf` keeps the outlines of European alphabets and common signs, with the kerning and the ligatures of Latin
+letters, and without hints and other layout tables.
 `hershey-simplex.txt` holds the strokes of Hershey's Simplex Roman, one letter a line: code point in hexadecimal,
 advance, then strokes of `x,y` points; y is up from the baseline and capitals are 21 high. Letters with accents are
 composed here, and the few signs in `SIGNS` are isomark's own.
@@ -23,8 +24,9 @@ KEPT = [
 
 
 def outlines(source):
-    options = subset.Options(layout_features=[], hinting=False, legacy_kern=False, name_IDs=[0, 1, 2, 13, 14], notdef_outline=True)
-    options.drop_tables += ["GDEF", "GPOS", "GSUB", "kern", "FFTM", "gasp", "MATH"]
+    options = subset.Options(layout_features=["kern", "liga"], layout_scripts=["latn"], hinting=False, legacy_kern=False,
+                             name_IDs=[0, 1, 2, 13, 14], notdef_outline=True)
+    options.drop_tables += ["GDEF", "kern", "FFTM", "gasp", "MATH"]
     font = subset.load_font(source, options)
     subsetter = subset.Subsetter(options)
     subsetter.populate(unicodes=[code for first, last in KEPT for code in range(first, last + 1)])

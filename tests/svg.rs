@@ -1078,6 +1078,72 @@ fn texts_are_aligned_and_named() {
     assert!(codes(&reading.facts).contains(&"font-replaced"));
 }
 
+/// Widths in units of DejaVu Sans, 2048 in an em, by the tables of the font; Chromium draws the same.
+#[test]
+fn letters_are_kerned_and_joined_as_the_font_states() {
+    // From the left side of the text to the right side of its last letter: that of `.` is 221 units before its end.
+    let right = |content: &str| {
+        let text = format!("<text y='20' font-family='DejaVu Sans' font-size='4.096' {content}</text>");
+        (extents(&drawn(&text))[2] * 500.0).round()
+    };
+    let [kerned, plain] = [14972.0 - 221.0, 16020.0 - 221.0];
+    assert_eq!(right("x='0'>AVATAR To We."), kerned);
+    assert_eq!(right("x='0' style='font-kerning: none'>AVATAR To We."), plain);
+    // No attribute of SVG.
+    assert_eq!(right("x='0' font-kerning='none'>AVATAR To We."), kerned);
+    assert_eq!(right("x='0' style='font-feature-settings: \"kern\" 0'>AVATAR To We."), plain);
+    assert_eq!(
+        right("x='0' style='font-kerning: none'><tspan style='font-kerning: auto'>AVATAR To We.</tspan>"),
+        kerned
+    );
+    // 12 gaps of 50 units.
+    assert_eq!(right("x='0' letter-spacing='0.1'>AVATAR To We."), kerned + 600.0);
+    assert_eq!(right("x='0'>AVATAR<tspan fill='red'> To We.</tspan>"), kerned);
+    assert_eq!(right("x='30' text-anchor='end'>AVATAR To We."), 15000.0 - 221.0);
+    // `fl` is one glyph, unless letters are spaced or placed one by one.
+    let glyphs = |content: &str| {
+        let text = format!("<text x='5' y='20' font-family='DejaVu Sans' font-size='10' {content}</text>");
+        let reading = drawn(&text);
+        let regions: std::collections::BTreeSet<_> =
+            reading.pattern.paths.iter().map(|path| path.region).collect();
+        regions.len()
+    };
+    for (content, expected) in [
+        (">flow", 3),
+        ("letter-spacing='1'>flow", 4),
+        ("dx='0 1'>flow", 4),
+        ("style='font-variant-ligatures: none'>flow", 4),
+        ("style='font-variant: no-common-ligatures'>flow", 4),
+        ("text-rendering='optimizeSpeed'>flow", 4),
+        (">f<tspan fill='red'>l</tspan>ow", 4),
+    ] {
+        assert_eq!(glyphs(content), expected, "{content}");
+    }
+}
+
+#[test]
+fn narrow_and_wide_fonts_are_reported() {
+    for (style, asked) in [
+        ("font-family='DejaVu Sans' font-stretch='condensed'", "DejaVu Sans condensed"),
+        ("style='font: italic ultra-expanded 10px DejaVu Sans'", "DejaVu Sans italic ultra-expanded"),
+        ("font-family='DejaVu Sans' font-stretch='100%'", ""),
+        ("font-stretch='condensed' style='font: 10px DejaVu Sans'", ""),
+    ] {
+        let reading = drawn(&format!("<g {style}><text x='5' y='20'>H</text></g>"));
+        let replaced = reading.facts.notices.iter().find(|notice| notice.code == "font-replaced");
+        let message = replaced.map_or("", |notice| notice.message.as_str());
+        match asked {
+            "" => assert_eq!(message, "", "{style}"),
+            asked => {
+                assert!(
+                    message.starts_with(&format!("the font {asked} is not available")),
+                    "{style}: {message}"
+                )
+            }
+        }
+    }
+}
+
 #[test]
 fn words_are_raised_spaced_and_underlined() {
     // Sizes in mm; DejaVu Sans has 2048 units in an em, and an H of 1493 on the line.

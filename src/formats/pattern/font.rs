@@ -7,7 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::sync::LazyLock;
 
-use ttf_parser::{Face, OutlineBuilder};
+use ttf_parser::gpos::{PairAdjustment, PositioningSubtable};
+use ttf_parser::gsub::SubstitutionSubtable;
+use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::FlatPoint;
@@ -38,6 +40,15 @@ pub(super) struct Glyph {
     /// Advance width: from the beginning of the letter to that of the next one.
     pub(super) advance: f64,
     pub(super) shapes: Vec<Shape>,
+}
+
+/// A glyph in a line of text.
+#[derive(Debug, Clone)]
+pub(super) struct Set {
+    /// Its advance includes the kerning towards the next glyph.
+    pub(super) glyph: Glyph,
+    /// Number of letters that it stands for.
+    pub(super) letters: usize,
 }
 
 impl Typeface {
@@ -73,6 +84,38 @@ impl Typeface {
             Self::Outline => outline(letter),
             Self::Stroke => STROKE_GLYPHS.get(&letter).cloned(),
         }
+    }
+
+    /// Letters side by side, as programs that show text set them: with the font's kerning if it is on, and with its ligatures. Each
+    /// letter states whether it may be joined to the one before it. Blanks that the font does not have are as wide as a space; other
+    /// letters that it does not have take no room.
+    pub(super) fn set(self, letters: &[(char, bool)], is_kerned: bool) -> Vec<Set> {
+        let ids: Vec<Option<GlyphId>> = letters.iter().map(|(letter, _)| self.id(*letter)).collect();
+        let mut set: Vec<Set> = Vec::with_capacity(letters.len());
+        let mut before = None;
+        let mut at = 0;
+        while let Some((letter, _)) = letters.get(at) {
+            let joined = letters[at + 1..].iter().take_while(|(_, is_joined)| *is_joined).count();
+            let ligature = ligature(&ids[at..=at + joined]);
+            let (id, count) = ligature.map_or((ids[at], 1), |(id, count)| (Some(id), count));
+            let glyph = match ligature {
+                Some((id, _)) => outline_of(id),
+                None => self.glyph(*letter).or_else(|| self.glyph(' ').filter(|_| letter.is_whitespace())),
+            };
+            if let (true, Some(last), Some(left), Some(right)) = (is_kerned, set.last_mut(), before, id) {
+                last.glyph.advance += kerning(left, right);
+            }
+            set.push(Set { glyph: glyph.unwrap_or_default(), letters: count });
+            before = id;
+            at += count;
+        }
+        set
+    }
+
+    /// The glyph of a letter in tables of kerning and ligatures.
+    fn id(self, letter: char) -> Option<GlyphId> {
+        let face = FACE.as_ref().filter(|_| self == Self::Outline && !is_invisible(letter))?;
+        face.glyph_index(letter)
     }
 }
 
@@ -121,8 +164,11 @@ static CAPITAL: LazyLock<f64> = LazyLock::new(|| {
 });
 
 fn outline(letter: char) -> Option<Glyph> {
+    outline_of(FACE.as_ref()?.glyph_index(letter)?)
+}
+
+fn outline_of(id: GlyphId) -> Option<Glyph> {
     let face = FACE.as_ref()?;
-    let id = face.glyph_index(letter)?;
     let scale = 1.0 / *CAPITAL;
     let mut pen = Pen { scale, at: FlatPoint::new(0.0, 0.0), contours: Vec::new() };
     face.outline_glyph(id, &mut pen);
@@ -132,6 +178,39 @@ fn outline(letter: char) -> Option<Glyph> {
         Shape::Closed(contour)
     });
     Some(Glyph { advance: f64::from(face.glyph_hor_advance(id)?) * scale, shapes: shapes.collect() })
+}
+
+/// The glyph that stands for the first of these, and for how many; the subset of the font has no other substitutions.
+fn ligature(ids: &[Option<GlyphId>]) -> Option<(GlyphId, usize)> {
+    let (first, rest) = ids.split_first()?;
+    let tables = FACE.as_ref()?.tables().gsub?;
+    let subtables = tables.lookups.into_iter().flat_map(|lookup| lookup.subtables.into_iter());
+    let ligatures = subtables.filter_map(|subtable| match subtable {
+        SubstitutionSubtable::Ligature(table) => table.ligature_sets.get(table.coverage.get((*first)?)?),
+        _ => None,
+    });
+    // A font lists the longest ones first.
+    let fits = |components: ttf_parser::LazyArray16<'_, GlyphId>| {
+        components.into_iter().enumerate().all(|(index, id)| rest.get(index) == Some(&Some(id)))
+    };
+    let found = ligatures.flatten().find(|ligature| fits(ligature.components))?;
+    Some((found.glyph, 1 + usize::from(found.components.len())))
+}
+
+/// How much further apart than their advances two glyphs are, for capitals 1 high.
+fn kerning(left: GlyphId, right: GlyphId) -> f64 {
+    let Some(tables) = FACE.as_ref().and_then(|face| face.tables().gpos) else { return 0.0 };
+    let subtables = tables.lookups.into_iter().flat_map(|lookup| lookup.subtables.into_iter());
+    let pairs = subtables.filter_map(|subtable| match subtable {
+        PositioningSubtable::Pair(PairAdjustment::Format1 { coverage, sets }) => {
+            sets.get(coverage.get(left)?)?.get(right)
+        }
+        PositioningSubtable::Pair(PairAdjustment::Format2 { coverage, classes: (first, second), matrix }) => {
+            coverage.get(left).and_then(|_| matrix.get((first.get(left), second.get(right))))
+        }
+        _ => None,
+    });
+    pairs.map(|(left, _)| f64::from(left.x_advance) / *CAPITAL).sum()
 }
 
 /// Collects the contours of an outline.
@@ -236,6 +315,32 @@ mod tests {
                 assert!(glyph.shapes.is_empty() && glyph.advance == 0.0, "{face:?}: {letter:?}");
             }
         }
+    }
+
+    /// The values are in the tables GPOS and GSUB of DejaVu Sans 2.37, as fontTools prints them.
+    #[test]
+    fn letters_are_kerned_and_joined_as_the_font_states() {
+        let width = |text: &str, is_kerned: bool| {
+            let letters: Vec<(char, bool)> = text.chars().map(|letter| (letter, true)).collect();
+            let set = Typeface::Outline.set(&letters, is_kerned);
+            (set.len(), (set.iter().map(|one| one.glyph.advance).sum::<f64>() * 1493.0).round())
+        };
+        for (text, glyphs, unkerned, kerned) in [
+            ("AVATAR To We.", 13, 16020, 14972),
+            ("office", 4, 5619, 5619),
+            ("flow", 3, 4218, 4218),
+            ("affluent", 6, 7894, 7894),
+            ("Tfi", 2, 2541, 2541),
+            ("HAMBURG", 7, 10622, 10622),
+            ("Lj", 2, 1710, 1710),
+            ("Привет, Яр", 10, 11856, 11856),
+        ] {
+            assert_eq!(width(text, false), (glyphs, f64::from(unkerned)), "{text}");
+            assert_eq!(width(text, true), (glyphs, f64::from(kerned)), "{text}");
+        }
+        assert_eq!(Typeface::Outline.set(&[('f', false), ('i', false)], true).len(), 2);
+        let stroke = Typeface::Stroke.set(&[('A', false), ('V', true)], true);
+        assert_eq!(stroke[0].glyph.advance, Typeface::Stroke.glyph('A').unwrap().advance);
     }
 
     #[test]

@@ -65,6 +65,10 @@ pub(super) struct Style {
     pub(super) font_family: Rc<str>,
     pub(super) is_bold: bool,
     pub(super) is_italic: bool,
+    /// How narrow or wide the font is, if it is not normal.
+    pub(super) stretch: Rc<str>,
+    pub(super) is_kerned: bool,
+    pub(super) has_ligatures: bool,
     pub(super) anchor: Anchor,
     pub(super) letter_spacing: f64,
     pub(super) keeps_blanks: bool,
@@ -163,6 +167,9 @@ impl Default for Style {
             font_family: "sans-serif".into(),
             is_bold: false,
             is_italic: false,
+            stretch: "".into(),
+            is_kerned: true,
+            has_ligatures: true,
             anchor: Anchor::Start,
             letter_spacing: 0.0,
             keeps_blanks: false,
@@ -422,8 +429,8 @@ impl Sheets {
                 .filter(|given| given.name.starts_with("--"))
                 .map(|given| (given.name, given.value, given.uncertain.is_some())),
         );
-        // Other lengths and colours may refer to these.
-        let is_first = |name: &str| matches!(name, "font" | "font-size" | "color");
+        // Other lengths and colours may refer to these. `font` resets the other properties of fonts, in their order.
+        let is_first = |name: &str| name.starts_with("font") || name == "color";
         for first in [true, false] {
             for given in given.iter().filter(|given| is_first(given.name) == first) {
                 style.declare(outer, given, viewport);
@@ -616,10 +623,20 @@ impl Style {
         let name = given.name;
         let is_geometry = GEOMETRY.contains(&name);
         // Attributes of sizes are no properties; `rotate`, `scale` and others mean something else.
-        let is_property = given.is_css || !(is_geometry || MOVES.contains(&name));
+        let is_property = given.is_css || !(is_geometry || MOVES.contains(&name) || SHAPING.contains(&name));
         let matters = kind(name).is_some();
-        // These change only what is reported, or are no properties of CSS.
-        let is_read = matters || matches!(name, "font-family" | "font-weight" | "font-style" | "xml:space");
+        // These change what is reported or only details of the letters, or are no properties of CSS.
+        let is_read = matters
+            || SHAPING.contains(&name)
+            || matches!(
+                name,
+                "font-family"
+                    | "font-weight"
+                    | "font-style"
+                    | "font-stretch"
+                    | "text-rendering"
+                    | "xml:space"
+            );
         if !is_property || !is_read {
             return;
         }
@@ -789,6 +806,22 @@ impl Style {
                 )
             ),
             "font-style" => set!(is_italic, Some(word == "italic" || word.starts_with("oblique"))),
+            "font-stretch" => set!(stretch, Some(stretch(word))),
+            "font-kerning" => set!(
+                is_kerned,
+                match word {
+                    "none" => Some(false),
+                    "auto" | "normal" => Some(true),
+                    _ => None,
+                }
+            ),
+            "font-variant-ligatures" => set!(has_ligatures, Some(has_ligatures(word))),
+            "font-feature-settings" => {
+                self.is_kerned &= !is_feature_off(word, "kern");
+                self.has_ligatures &= !is_feature_off(word, "liga");
+            }
+            // Browsers leave out ligatures for speed, but not the kerning.
+            "text-rendering" => self.has_ligatures &= word != "optimizespeed",
             "font" => {
                 // `bold 12px/1.2 Arial`: the size is the first length, the family follows it.
                 let words: Vec<&str> = value.split_whitespace().collect();
@@ -801,9 +834,16 @@ impl Style {
                     set!(font_family, None);
                     set!(is_bold, None);
                     set!(is_italic, None);
+                    set!(stretch, None);
+                    set!(is_kerned, None);
+                    set!(has_ligatures, None);
                 } else if let Some(at) = words.iter().position(size) {
                     self.is_bold = words.contains(&"bold");
                     self.is_italic = words.contains(&"italic");
+                    let is_width = |word: &&str| word.ends_with("condensed") || word.ends_with("expanded");
+                    let found = words[..at].iter().copied().find(is_width);
+                    self.stretch = found.unwrap_or_default().into();
+                    (self.is_kerned, self.has_ligatures) = (true, true);
                     self.font_family = words[at + 1..].join(" ").into();
                     let size = words[at].split('/').next().unwrap_or_default();
                     let of_size = Given { name: "font-size", ..*given };
@@ -847,6 +887,9 @@ impl Style {
                 })
             ),
             "font-variant" | "font-variant-caps" => {
+                if name == "font-variant" {
+                    set!(has_ligatures, Some(has_ligatures(word)));
+                }
                 let has_capitals = word.split_whitespace().any(|word| word.contains("caps"));
                 set!(
                     letter_case,
@@ -945,6 +988,30 @@ impl Style {
         })
     }
 }
+
+/// How narrow or wide a font of this `font-stretch` is; empty if it is normal.
+fn stretch(word: &str) -> Rc<str> {
+    match word {
+        "normal" | "100%" => "".into(),
+        word => word.into(),
+    }
+}
+
+/// Whether a value of `font-variant` or `font-variant-ligatures` keeps the usual ligatures.
+fn has_ligatures(value: &str) -> bool {
+    !value.split_whitespace().any(|word| matches!(word, "none" | "no-common-ligatures"))
+}
+
+/// Whether a value of `font-feature-settings` switches a feature off.
+fn is_feature_off(value: &str, feature: &str) -> bool {
+    value.split(',').any(|setting| {
+        let (name, state) = setting.trim().split_once(char::is_whitespace).unwrap_or((setting.trim(), "1"));
+        name.trim_matches(['"', '\'']) == feature && matches!(state.trim(), "0" | "off")
+    })
+}
+
+/// Properties of CSS, and no attributes, that say how letters are set side by side.
+const SHAPING: [&str; 3] = ["font-kerning", "font-variant-ligatures", "font-feature-settings"];
 
 /// Properties of CSS that move an element beside `transform`.
 const MOVES: [&str; 5] = ["translate", "rotate", "scale", "offset", "offset-path"];

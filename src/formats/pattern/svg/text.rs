@@ -8,7 +8,7 @@ use roxmltree::Node;
 
 use super::super::content::{FoundField, Syntax, expand};
 use super::super::error::PatternReadError;
-use super::super::font::{FontUses, Typeface, draws_nothing, missing_letters, substitute};
+use super::super::font::{FontUses, Glyph, Typeface, draws_nothing, missing_letters, substitute};
 use super::style::{Anchor, Baseline, Decoration, LetterCase, Style, is_svg};
 use super::walk::{Context, Missing, Walk, unread_length};
 use crate::geometry::pattern::{Affine, Segment, Shape};
@@ -98,12 +98,10 @@ pub(super) fn draw<'a, 'd>(
         let end = rest.iter().skip(1).position(|letter| letter.at.iter().any(Option::is_some));
         let (chunk, later) = rest.split_at(end.map_or(rest.len(), |end| end + 1));
         rest = later;
-        let is_last = |index: usize| index + 1 == chunk.len();
-        let widths: f64 = chunk
-            .iter()
-            .enumerate()
-            .map(|(index, letter)| advance(letter, is_last(index)) + letter.shift[0])
-            .sum();
+        let row = set(chunk);
+        // There is no room after the last letter.
+        let mut widths = -row.last().map_or(0.0, |last| spacing(last.letter));
+        widths += row.iter().map(|placed| placed.advance + placed.letter.shift[0]).sum::<f64>();
         for axis in 0..2 {
             pen[axis] = first.at[axis].unwrap_or(pen[axis]);
         }
@@ -112,16 +110,14 @@ pub(super) fn draw<'a, 'd>(
             Anchor::Middle => widths / 2.0,
             Anchor::End => widths,
         };
-        for letter in chunk {
-            let glyph = FACE.glyph(letter.char);
+        for Placed { letter, glyph, advance } in row {
             for axis in 0..2 {
                 pen[axis] += letter.shift[axis];
             }
             let scale = letter.style.font_size / FACE.em();
             let baseline = pen[1] + lift(&letter.style) * scale - letter.style.raised;
-            let width = advance(letter, false);
-            Bar::along(&mut bars, letter, [pen[0], pen[0] + width], baseline);
-            if let Some(glyph) = glyph.filter(|glyph| !glyph.shapes.is_empty()) {
+            Bar::along(&mut bars, letter, [pen[0], pen[0] + advance], baseline);
+            if !glyph.shapes.is_empty() {
                 let place = Affine {
                     linear: Matrix2::new(scale, 0.0, 0.0, -scale),
                     offset: Vector2::new(pen[0], baseline),
@@ -134,7 +130,7 @@ pub(super) fn draw<'a, 'd>(
                 note_font(&letter.style, &mut uses);
                 walk.draw(letter.node, shapes.collect(), &letter.style, context, true)?;
             }
-            pen[0] += width;
+            pen[0] += advance;
         }
     }
     for bar in bars {
@@ -202,11 +198,56 @@ impl<'a, 'd> Bar<'a, 'd> {
     }
 }
 
-fn advance(letter: &Letter<'_, '_>, is_last: bool) -> f64 {
-    let glyph = FACE.glyph(letter.char).or_else(|| FACE.glyph(' ').filter(|_| letter.char.is_whitespace()));
-    let own = glyph.map_or(0.0, |glyph| glyph.advance * letter.style.font_size / FACE.em());
+/// A glyph that is drawn for a letter, or for a letter and those after it.
+struct Placed<'l, 'a, 'd> {
+    letter: &'l Letter<'a, 'd>,
+    glyph: Glyph,
+    /// From the beginning of the letter to that of the next one, user units.
+    advance: f64,
+}
+
+/// The glyphs of letters that are aligned together.
+fn set<'l, 'a, 'd>(letters: &'l [Letter<'a, 'd>]) -> Vec<Placed<'l, 'a, 'd>> {
+    let mut row = Vec::with_capacity(letters.len());
+    for run in letters.chunk_by(|before, letter| has_same_font(&before.style, &letter.style)) {
+        let Some(first) = run.first() else { continue };
+        let is_joined = |index: usize| {
+            index > 0
+                && run[index].shift == [0.0; 2]
+                && std::ptr::eq(&*run[index].style, &*run[index - 1].style)
+        };
+        let may_join = first.style.has_ligatures && first.style.letter_spacing == 0.0;
+        let chars: Vec<(char, bool)> = run
+            .iter()
+            .enumerate()
+            .map(|(index, letter)| (letter.char, may_join && is_joined(index)))
+            .collect();
+        let mut at = 0;
+        for one in FACE.set(&chars, first.style.is_kerned) {
+            let letter = &run[at];
+            let own = one.glyph.advance * letter.style.font_size / FACE.em();
+            row.push(Placed { letter, glyph: one.glyph, advance: own + spacing(letter) });
+            at += one.letters;
+        }
+    }
+    row
+}
+
+/// Whether letters with these styles are set as one word, although one of them may have another colour.
+fn has_same_font(one: &Style, other: &Style) -> bool {
+    let font = |style: &Style| {
+        (
+            (style.font_size, style.letter_spacing, style.is_bold, style.is_italic),
+            (style.is_kerned, style.has_ligatures),
+        )
+    };
+    font(one) == font(other) && one.font_family == other.font_family && one.stretch == other.stretch
+}
+
+/// The room after a letter, beside that of the font.
+fn spacing(letter: &Letter<'_, '_>) -> f64 {
     let between_words = if letter.char == ' ' { letter.style.word_spacing } else { 0.0 };
-    own + if is_last { 0.0 } else { letter.style.letter_spacing + between_words }
+    letter.style.letter_spacing + between_words
 }
 
 fn note_font(style: &Style, uses: &mut FontUses) {
@@ -217,6 +258,10 @@ fn note_font(style: &Style, uses: &mut FontUses) {
         if is_set {
             asked += word;
         }
+    }
+    if !style.stretch.is_empty() {
+        asked.push(' ');
+        asked.extend(style.stretch.chars().take(30));
     }
     let (face, is_exact) = substitute(&asked, true);
     debug_assert_eq!(face, FACE);
