@@ -1144,6 +1144,43 @@ fn narrow_and_wide_fonts_are_reported() {
     }
 }
 
+/// Programs show nothing beyond the page, and nothing is cut off here.
+#[test]
+fn what_is_beyond_the_page_is_reported() {
+    let find = |text: &str| {
+        let reading = try_read(text).unwrap();
+        let notice = reading.facts.notices.into_iter().find(|notice| notice.code == "svg-off-page");
+        notice.map(|notice| notice.message)
+    };
+    let own = "<rect x='5' y='5' width='20' height='10'/>";
+    // The page is 60 x 40 mm.
+    let content =
+        format!("{own}<rect x='70' y='10' width='10' height='20'/><path id='over' d='M50 20h15v3z'/>");
+    let message = find(&page(&content)).unwrap();
+    for part in [
+        "2 shapes or lines reach beyond the page of 60.000 x 40.000 mm by up to 20.000 mm (1 of them as a whole; first: rect in line 1)",
+        "from x 50.000 to 80.000 mm and from y 10.000 to 30.000 mm",
+    ] {
+        assert!(message.contains(part), "{message}");
+    }
+    let reading = drawn(&content);
+    near(extents(&reading), [5.0, 10.0, 80.0, 35.0]);
+    for on_page in [
+        own.to_owned(),
+        "<rect width='60' height='40' fill='none' stroke='black' stroke-width='2'/>".into(),
+        "<rect width='60.05' height='40'/>".into(),
+        // Nested drawings cut what is beyond their edges.
+        "<svg x='5' y='5' width='10' height='10'><rect width='90' height='90'/></svg>".into(),
+    ] {
+        assert_eq!(find(&page(&on_page)), None, "{on_page}");
+    }
+    // A drawing without a size has no page.
+    assert_eq!(find(&format!("{HEAD}><rect width='9000' height='9000'/></svg>")), None);
+    assert!(
+        find(&format!("{HEAD} width='9mm' height='9mm'><rect width='9000' height='9000'/></svg>")).is_some()
+    );
+}
+
 #[test]
 fn words_are_raised_spaced_and_underlined() {
     // Sizes in mm; DejaVu Sans has 2048 units in an em, and an H of 1493 on the line.

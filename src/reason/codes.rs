@@ -2121,6 +2121,15 @@ const CODES: &[Code] = &[
         "Nothing. To mark the rectangle, give it another colour.",
     ]),
     notice([
+        "svg-off-page",
+        "Some of an SVG drawing is beyond its page and is marked.",
+        "Programs show only what is on the page. Leftovers beside it are easily overlooked; isomark marks them, and they move the \
+         middle of the drawing, which is the default anchor. The notice states how far they reach, and the first of them. What reaches \
+         less than 0.1 mm beyond the page is not mentioned.",
+        "Delete what must not be marked. If it is part of the drawing, enlarge the page to the drawing (in Inkscape: File > Document \
+         Properties > Resize to content).",
+    ]),
+    notice([
         "svg-pixels",
         "The size of an SVG page depends on the pixels per inch of the program that wrote it.",
         "A pixel of SVG is 1/96 inch. Adobe Illustrator uses 72 pixels per inch, and Inkscape before 0.92 used 90, so the \

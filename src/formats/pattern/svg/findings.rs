@@ -2,16 +2,21 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector2;
+
 use super::super::error::{EntityName, PatternReadError};
 use super::super::facts::{LayerFacts, PatternFacts};
 use super::super::findings::{content, counted, only_without_font, reasons};
 use super::super::reading::Strokes;
 use super::walk::{Drawn, Ground, LAYER_COLOR, Remarks};
-use crate::geometry::pattern::Path;
+use crate::geometry::pattern::{Path, Source};
+use crate::geometry::space::Extents;
 use crate::reason::Notice;
 
 /// Strokes wider than this, mm, look clearly different as centre lines: a fine laser line is a tenth as wide.
 const WIDE: f64 = 0.3;
+/// What reaches less far beyond the page, mm, is rounding or half of a fine line along its edge.
+const OFF_PAGE: f64 = 0.1;
 
 pub(super) fn layers(drawn: &Drawn, paths: &[Path]) -> BTreeMap<String, LayerFacts> {
     let facts = |hidden: Option<&str>| LayerFacts {
@@ -30,6 +35,47 @@ pub(super) fn layers(drawn: &Drawn, paths: &[Path]) -> BTreeMap<String, LayerFac
         }
     }
     layers
+}
+
+/// The notice about what is beyond the page of this size, mm, where other programs show nothing.
+pub(super) fn off_page_notice(paths: &[Path], size: Vector2<f64>) -> Option<Notice> {
+    let page = Extents { min: Vector2::zeros(), max: size }.grown(OFF_PAGE);
+    // Of each area and line, whether some of it is beyond the page, and whether all of it is.
+    let mut shapes: BTreeMap<(Option<u32>, usize), (bool, bool)> = BTreeMap::new();
+    let mut first = None;
+    let mut reach = Extents::EMPTY;
+    for (index, path) in paths.iter().enumerate() {
+        let Extents { min, max } = path.shape.extents();
+        let is_beyond = !(page.contains(min) && page.contains(max));
+        let is_whole = (0..2).any(|axis| min[axis] > page.max[axis] || max[axis] < page.min[axis]);
+        let shape = (path.region, path.region.map_or(index, |_| 0));
+        let (some, all) = shapes.entry(shape).or_insert((false, true));
+        *some |= is_beyond;
+        *all &= is_whole;
+        if is_beyond {
+            first.get_or_insert(&path.source);
+            reach.include(min);
+            reach.include(max);
+        }
+    }
+    let Source { entity, handle, .. } = first?;
+    let beyond = shapes.values().filter(|(some, _)| *some).count();
+    let whole = shapes.values().filter(|(_, all)| *all).count();
+    let farthest = (reach.max - size).max().max(-reach.min.min());
+    let message = format!(
+        "{} beyond the page of {:.3} x {:.3} mm by up to {farthest:.3} mm ({whole} of them as a whole; first: {entity} {}). Programs \
+         that show the drawing show nothing there, and isomark marks it. From the lower left corner of the page, it reaches from x \
+         {:.3} to {:.3} mm and from y {:.3} to {:.3} mm. Delete what must not be marked, or enlarge the page to the drawing",
+        counted(beyond, "shape or line reaches", "shapes or lines reach"),
+        size.x,
+        size.y,
+        handle.as_deref().unwrap_or_default(),
+        reach.min.x,
+        reach.max.x,
+        reach.min.y,
+        reach.max.y,
+    );
+    Some(Notice::warning("svg-off-page", message))
 }
 
 /// Notices about what looks different on paper or screen.

@@ -80,6 +80,7 @@ fn read_within(
     let layers: Vec<Layer> =
         drawn.layers.iter().map(|name| Layer { name: name.clone(), color: LAYER_COLOR }).collect();
     let paths = std::mem::take(&mut drawn.paths);
+    let off_page = page.size.and_then(|size| findings::off_page_notice(&paths, size));
     let count = paths.len();
     let repaired = match options.strict {
         true => contour::examine(paths),
@@ -111,6 +112,7 @@ fn read_within(
     };
     facts.notices.extend(size_notice(&facts));
     facts.notices.extend(imports);
+    facts.notices.extend(off_page);
     shared::text_notices(drawn.remarks.texts.iter(), &mut facts);
     findings::look_notices(&drawn.remarks, options.strokes, &mut facts);
     facts.notices.extend(shared::hairline_notice(drawn.remarks.hairlines.as_ref(), options.hairline));

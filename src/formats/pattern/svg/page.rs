@@ -24,6 +24,8 @@ pub(super) struct Page {
     pub(super) to_mm: Affine,
     /// Width and height of the page in user units, for percentages.
     pub(super) viewport: Vector2<f64>,
+    /// Width and height of the page, mm; `None` if the file states none.
+    pub(super) size: Option<Vector2<f64>>,
     /// What is shown of the drawing, mm: the page, or the part of it that the `viewBox` is fitted to.
     pub(super) shown: Extents,
     /// Size of a CSS pixel on the page, mm.
@@ -267,6 +269,7 @@ pub(super) fn page(
     Ok(Page {
         to_mm,
         viewport,
+        size: Some(size).filter(|_| view.is_some() || given_width.is_some() || given_height.is_some()),
         shown,
         pixel: DrawingUnit::Pixel96.in_mm() * (scale.x * scale.y).sqrt(),
         unit,
