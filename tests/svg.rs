@@ -314,6 +314,16 @@ fn of_two_links_the_one_without_xlink_applies() {
     }
 }
 
+/// Chromium shows the second rectangle.
+#[test]
+fn attributes_of_editors_are_not_those_of_svg() {
+    let editor = "xmlns:e='http://example.com/editor'";
+    let drawing = drawn(&format!(
+        "<rect {editor} e:x='9' x='3' e:width='50' y='3' width='4' height='5' e:height='1' e:fill='none' e:display='none'/>"
+    ));
+    near(extents(&drawing), [3.0, 32.0, 7.0, 37.0]);
+}
+
 #[test]
 fn definitions_inherit_from_their_own_place() {
     let star = "<path d='M100 15l50 160l-130 -100l160 0l-130 100z' transform='scale(0.2)'/>";

@@ -9,6 +9,7 @@ use roxmltree::Node;
 use super::super::budget::Cost;
 use super::super::error::PatternReadError;
 use super::area::{self, Polygons};
+use super::document::attribute;
 use super::place;
 use super::style::{Style, is_svg};
 use super::walk::{Context, DEFINITIONS, Walk, contours, link, transformed};
@@ -32,7 +33,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         clip: Node<'a, 'd>,
         context: &Context,
     ) -> Result<Result<Polygons, Cow<'static, str>>, PatternReadError> {
-        if clip.attribute("clipPathUnits") == Some("objectBoundingBox") {
+        if attribute(clip, "clipPathUnits") == Some("objectBoundingBox") {
             return Ok(Err(
                 "its clip path is relative to its size, which is not read: cut it in the drawing program"
                     .into(),

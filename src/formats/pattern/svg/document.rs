@@ -16,6 +16,12 @@ const MAX_DEPTH: usize = 500;
 /// Largest size of all replaced entities together, bytes.
 const MAX_REPLACED: usize = 16 << 20;
 
+/// An attribute of SVG: one without a prefix. Those of editors, such as `sodipodi:cx`, may have the same names.
+pub(super) fn attribute<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
+    let own = node.attributes().find(|attribute| attribute.namespace().is_none() && attribute.name() == name);
+    own.map(|attribute| attribute.value())
+}
+
 /// Whether the bytes begin as an SVG file does, as far as they reach.
 pub(in super::super) fn is_svg(bytes: &[u8]) -> bool {
     let head = decoded(&bytes[..bytes.len().min(HEAD)]);
@@ -222,7 +228,7 @@ impl Lines {
 
     /// The `id` of an element, or its line.
     pub(super) fn handle(&self, node: Node<'_, '_>) -> String {
-        match node.attribute("id") {
+        match attribute(node, "id") {
             Some(id) if !id.trim().is_empty() => id.chars().take(100).collect(),
             _ => format!("in line {}", self.line(node)),
         }

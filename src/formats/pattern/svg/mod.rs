@@ -34,7 +34,7 @@ use super::findings as shared;
 use super::reading::{PatternOptions, PatternReading, size_notice};
 use crate::geometry::contour;
 use crate::geometry::pattern::{Layer, Pattern};
-use document::Lines;
+use document::{Lines, attribute};
 use style::{Sheets, Style};
 use walk::{LAYER_COLOR, NO_LAYER, Walk};
 
@@ -91,7 +91,7 @@ fn read_within(
     }
 
     let extents = shared::extents(&repaired.paths);
-    let version = root.attribute("version").map_or("SVG".into(), |version| format!("SVG {version}"));
+    let version = attribute(root, "version").map_or("SVG".into(), |version| format!("SVG {version}"));
     let mut facts = PatternFacts {
         producer,
         version: version.chars().take(20).collect(),

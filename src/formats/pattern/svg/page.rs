@@ -8,6 +8,7 @@ use svgtypes::{Align, AspectRatio, ViewBox};
 
 use super::super::PatternOptions;
 use super::super::units::DrawingUnit;
+use super::document::attribute;
 use super::length::{Length, Unit};
 use super::style::Style;
 use crate::geometry::pattern::Affine;
@@ -84,7 +85,7 @@ fn side(root: Node<'_, '_>, style: &Style, what: &'static str) -> Result<Option<
     }
     if found.is_none_or(|length| length.unit == Unit::Percent)
         && let Some(text) =
-            root.attribute(what).map(str::trim).filter(|text| !text.is_empty() && *text != "auto")
+            attribute(root, what).map(str::trim).filter(|text| !text.is_empty() && *text != "auto")
     {
         // Some programs write `40 mm`, which can mean nothing else.
         let unit = text.trim_end_matches(|letter: char| letter.is_ascii_alphabetic() || letter == '%').len();
@@ -123,15 +124,14 @@ fn check_limits(style: &Style, own: Vector2<f64>) -> Result<(), Unread> {
 
 /// The `viewBox` of an element, if it has a valid one.
 pub(super) fn view_box(node: Node<'_, '_>) -> Option<ViewBox> {
-    let view = ViewBox::from_str(node.attribute("viewBox")?).ok()?;
+    let view = ViewBox::from_str(attribute(node, "viewBox")?).ok()?;
     let is_valid = [view.x, view.y, view.w, view.h].iter().all(|value| value.is_finite());
     (is_valid && view.w > 0.0 && view.h > 0.0).then_some(view)
 }
 
 /// The map from a `viewBox` to a rectangle of this size at the origin, with the element's `preserveAspectRatio`.
 pub(super) fn fitted(node: Node<'_, '_>, view: ViewBox, size: Vector2<f64>) -> Affine {
-    let aspect = node
-        .attribute("preserveAspectRatio")
+    let aspect = attribute(node, "preserveAspectRatio")
         .and_then(|value| AspectRatio::from_str(value).ok())
         .unwrap_or(AspectRatio { defer: false, align: Align::XMidYMid, slice: false });
     let mut scale = Vector2::new(size.x / view.w, size.y / view.h);
@@ -163,7 +163,7 @@ pub(super) fn page(
     options: &PatternOptions,
 ) -> Result<Page, Unread> {
     let view = view_box(root);
-    let view_text = root.attribute("viewBox").filter(|text| !text.trim().is_empty());
+    let view_text = attribute(root, "viewBox").filter(|text| !text.trim().is_empty());
     if let (None, Some(text)) = (view, view_text) {
         return Err(Unread::new("viewBox", text, "is not a position and a size"));
     }

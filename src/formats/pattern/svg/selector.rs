@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use roxmltree::Node;
 
+use super::document::attribute;
 use super::syntax::{Truth, find, listed};
 
 /// Deepest nesting of selectors in others.
@@ -164,7 +165,7 @@ fn parse_simple(text: &str, is_first: bool, depth: usize) -> Option<Option<(Simp
         Some('[') => {
             let end = find(&text[1..], &[']']);
             let rest = text[1 + end..].strip_prefix(']')?;
-            (attribute(&text[1..=end])?, [0, 1, 0], rest)
+            (attribute_test(&text[1..=end])?, [0, 1, 0], rest)
         }
         Some(':') if text.starts_with("::") => {
             let (_, rest) = name(&text[2..])?;
@@ -226,7 +227,7 @@ fn name(text: &str) -> Option<(String, &str)> {
 }
 
 /// The test between the brackets of an attribute.
-fn attribute(text: &str) -> Option<Simple> {
+fn attribute_test(text: &str) -> Option<Simple> {
     let text = text.trim();
     let (name, rest) = name(text.strip_prefix("*|").or(text.strip_prefix('|')).unwrap_or(text))?;
     let rest = rest.trim();
@@ -417,9 +418,9 @@ impl Simple {
         match self {
             Self::Any => Truth::Yes,
             Self::Type(name) => (node.tag_name().name() == name).into(),
-            Self::Id(id) => (node.attribute("id") == Some(id)).into(),
+            Self::Id(id) => (attribute(node, "id") == Some(id)).into(),
             Self::Class(class) => {
-                let classes = node.attribute("class").unwrap_or_default();
+                let classes = attribute(node, "class").unwrap_or_default();
                 classes.split_ascii_whitespace().any(|one| one == class).into()
             }
             Self::Attribute { name, test, value, ignores_case } => {
@@ -530,7 +531,7 @@ mod tests {
         let of = |expected: Truth| {
             let elements = document.descendants().filter(Node::is_element);
             let best = |node| list.iter().map(|one| one.matches(node, &steps)).max().unwrap();
-            elements.filter(|node| best(*node) == expected).filter_map(|node| node.attribute("id")).collect()
+            elements.filter(|node| best(*node) == expected).filter_map(|node| attribute(node, "id")).collect()
         };
         (of(Truth::Yes), of(Truth::Unknown))
     }

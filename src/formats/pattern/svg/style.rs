@@ -14,6 +14,7 @@ use svgtypes::PaintFallback;
 
 use super::super::error::{EntityName, PatternReadError};
 use super::css::{self, Sheet};
+use super::document::attribute;
 use super::length::{Length, Scale, Unit, number_of};
 use super::selector::Steps;
 use super::syntax::Truth;
@@ -373,17 +374,16 @@ impl Sheets {
             sheet.imports.extend(value.map(|value| value.chars().take(100).collect()));
         }
         for node in document.descendants().filter(|node| is_svg(*node) && node.tag_name().name() == "style") {
-            let is_css = node
-                .attribute("type")
+            let is_css = attribute(node, "type")
                 .is_none_or(|kind| kind.trim().is_empty() || kind.trim().eq_ignore_ascii_case("text/css"));
             if is_css {
                 let text: String = node.children().filter_map(|child| child.text()).collect();
-                sheet.add(&text, node.attribute("media").unwrap_or_default());
+                sheet.add(&text, attribute(node, "media").unwrap_or_default());
             }
         }
         sheet.sort();
         let servers = document.descendants().filter(|node| PAINT_SERVERS.contains(&node.tag_name().name()));
-        let servers = servers.filter_map(|node| node.attribute("id")).map(str::to_owned).collect();
+        let servers = servers.filter_map(|node| attribute(node, "id")).map(str::to_owned).collect();
         Self { sheet, servers: Rc::new(servers), steps: Steps::default() }
     }
 
@@ -421,7 +421,7 @@ impl Sheets {
             let is_inherited = |name: &str| kind(name).is_some_and(Kind::is_inherited);
             Rc::make_mut(&mut style.unread).retain(|name, _| is_inherited(name));
         }
-        let inline = css::declarations(node.attribute("style").unwrap_or_default());
+        let inline = css::declarations(attribute(node, "style").unwrap_or_default());
         let given = self.given(node, &inline)?;
         style.variables = outer.variables.with(
             given

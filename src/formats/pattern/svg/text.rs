@@ -9,6 +9,7 @@ use roxmltree::Node;
 use super::super::content::{FoundField, Syntax, expand};
 use super::super::error::PatternReadError;
 use super::super::font::{FontUses, Glyph, Typeface, draws_nothing, missing_letters, substitute};
+use super::document::attribute;
 use super::style::{Anchor, Baseline, Decoration, LetterCase, Style, is_svg};
 use super::walk::{Context, Missing, Walk, unread_length};
 use crate::geometry::pattern::{Affine, Segment, Shape};
@@ -294,17 +295,17 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
             self.unread =
                 Some("its letters are changed to capitals: write capitals, or convert it to paths".into());
         }
-        if let Some(turned) = node.attribute("rotate")
+        if let Some(turned) = attribute(node, "rotate")
             && turned.split([',', ' ']).any(|angle| angle.parse::<f64>().is_ok_and(|angle| angle != 0.0))
         {
             self.unread = Some("its letters are rotated one by one: convert it to paths".into());
         }
-        if node.attribute("textLength").is_some() {
+        if attribute(node, "textLength").is_some() {
             self.unread = Some("it is stretched to a length (textLength): convert it to paths".into());
         }
         let viewport = context.viewport;
         let mut list = |name: &str, whole: f64| -> Vec<f64> {
-            let text = node.attribute(name).unwrap_or_default();
+            let text = attribute(node, name).unwrap_or_default();
             let lengths = text.split(|letter: char| letter.is_whitespace() || letter == ',');
             let lengths = lengths.filter(|length| !length.is_empty()).take(LONGEST);
             let read =

@@ -17,7 +17,7 @@ use super::super::facts::Skipped;
 use super::super::font::FontUses;
 use super::super::reading::Strokes;
 use super::area::{self, MAX_COORDINATE, Polygons, TOLERANCE, Unworkable};
-use super::document::Lines;
+use super::document::{Lines, attribute};
 use super::length::number_of;
 use super::outline;
 use super::page::{fitted, view_box};
@@ -209,7 +209,7 @@ impl<'a, 'd> Walk<'a, 'd> {
     ) -> Self {
         let mut ids = BTreeMap::new();
         for node in root.descendants().filter(|node| node.is_element()) {
-            if let Some(id) = node.attribute("id") {
+            if let Some(id) = attribute(node, "id") {
                 ids.entry(id).or_insert(node);
             }
         }
@@ -296,7 +296,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         let style = self.style(node, outer)?;
         let layer = match inkscape(node, "groupmode") {
             Some("layer") => {
-                let name = inkscape(node, "label").or(node.attribute("id")).unwrap_or("layer").trim();
+                let name = inkscape(node, "label").or(attribute(node, "id")).unwrap_or("layer").trim();
                 Rc::from(if name.is_empty() { "layer" } else { name })
             }
             _ => outer.layer.clone(),
@@ -561,7 +561,7 @@ impl<'a, 'd> Walk<'a, 'd> {
         };
         let at = |name, whole| Ok::<_, String>(self.length(node, name, whole, context)?.unwrap_or(0.0));
         let sides = [at("x", whole.x)?, at("y", whole.y)?, side("width", whole.x)?, side("height", whole.y)?];
-        match node.attribute("viewBox").filter(|text| !text.trim().is_empty() && view_box(node).is_none()) {
+        match attribute(node, "viewBox").filter(|text| !text.trim().is_empty() && view_box(node).is_none()) {
             Some(text) => Err(unread_length("viewBox", text)),
             None => Ok(sides),
         }
@@ -614,7 +614,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             return Err(why.to_owned());
         }
         let style = &context.style;
-        let (text, is_css) = match (style.geometry(name), node.attribute(name)) {
+        let (text, is_css) = match (style.geometry(name), attribute(node, name)) {
             (Some(text), _) => (text, true),
             (None, Some(text)) => (text, false),
             (None, None) => return Ok(None),
@@ -639,7 +639,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             if let Some(data) = style.geometry("d") {
                 return (Vec::new(), Err(unread_length("d", data)));
             }
-            let (shapes, read) = outline::path(node.attribute("d").unwrap_or_default());
+            let (shapes, read) = outline::path(attribute(node, "d").unwrap_or_default());
             let read = read.map_err(|error| {
                 format!("its path data cannot be read ({error}): export the drawing again, or delete it")
             });
@@ -679,7 +679,7 @@ impl<'a, 'd> Walk<'a, 'd> {
                 FlatPoint::new(of("x2", w)?, of("y2", h)?),
             )),
             tag => {
-                let points = node.attribute("points").unwrap_or_default();
+                let points = attribute(node, "points").unwrap_or_default();
                 outline::polyline(points, tag == "polygon").map_err(|error| {
                     format!("its points cannot be read ({error}): export the drawing again, or delete it")
                 })?
@@ -729,7 +729,7 @@ impl<'a, 'd> Walk<'a, 'd> {
             return Ok(());
         }
         let is_dashed = stroke != Paint::None && !style.dashes.is_empty();
-        let stated = match node.attribute("pathLength").filter(|_| is_dashed) {
+        let stated = match attribute(node, "pathLength").filter(|_| is_dashed) {
             Some(text) => match number_of(text.trim()).filter(|length| *length > 0.0) {
                 Some(length) => Some(length),
                 None => return self.unread(node, context, unread_length("pathLength", text)),
@@ -1170,8 +1170,8 @@ fn is_eligible(node: Node<'_, '_>) -> bool {
     let language = |languages: &str| {
         languages.split(',').any(|language| language.trim().to_ascii_lowercase().starts_with("en"))
     };
-    node.attribute("requiredExtensions").is_none()
-        && node.attribute("systemLanguage").is_none_or(language)
+    attribute(node, "requiredExtensions").is_none()
+        && attribute(node, "systemLanguage").is_none_or(language)
         && !DEFINITIONS.contains(&node.tag_name().name())
 }
 
