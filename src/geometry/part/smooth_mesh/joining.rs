@@ -121,6 +121,11 @@ impl SmoothMesh {
         if mesh.is_facetted() {
             return Self::of_facets(mesh, view);
         }
+        Self::with_edges(mesh, view, &[], fork)
+    }
+
+    /// The same, in which some sides, in ascending order, are edges of the part.
+    fn with_edges(mesh: &TriMesh, view: &View, known_edges: &[Facing], fork: &dyn Fork) -> Self {
         let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
         let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
         let corners = mesh.triangles();
@@ -160,6 +165,9 @@ impl SmoothMesh {
             // Each pair once; NONE is larger than any side.
             if opposite[side] == NONE || other < side {
                 return Meeting::None;
+            }
+            if known_edges.binary_search(&[side as u32, opposite[side]]).is_ok() {
+                return Meeting::Sharp;
             }
             let (here, there) = (side / 3, other / 3);
             let (pairs, wound_alike) = facing_corners(side, other);
@@ -263,7 +271,11 @@ impl SmoothMesh {
         let (mut estimated, mut deviations) = smooth.complete_normals(fork);
         let rounds = cylinders::settle(&mut smooth, mesh.positions(), &mut estimated, &mut deviations, fork);
         let is_round = &rounds.is_cylinder;
-        spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round, fork);
+        let edges = spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round, fork);
+        // Flat sides that are cut from spheres are only known together with these.
+        if known_edges.is_empty() && !edges.is_empty() {
+            return Self::with_edges(mesh, view, &edges, fork);
+        }
         smooth.trust(is_round, &mut deviations);
         let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden, fork);
         smooth.creases = smooth.edges_between(beside, is_round);

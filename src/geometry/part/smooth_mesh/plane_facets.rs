@@ -76,6 +76,11 @@ impl PlaneFacets {
         self.triangles[range].iter().map(|&triangle| triangle as usize)
     }
 
+    /// Whether the facet of a triangle is of more triangles than those of a curved side, which are divided once at most.
+    pub(super) fn is_polygon(&self, triangle: usize) -> bool {
+        self.with(triangle).nth(2).is_some()
+    }
+
     /// For each vertex of the mesh, whether it is a vertex of one facet only: where a hole is cut into a mesh, its vertices are on the
     /// facets, and not on the part from which these were cut. A sliver has no plane.
     pub(super) fn only_one(&self, mesh: &SmoothMesh) -> Vec<bool> {

@@ -2,11 +2,15 @@
 //!
 //! Two rows of vertices round an axis are on a sphere on many surfaces, but not all vertices that surround another one in two rows:
 //! where these are on one sphere, to within what files state of them, and so are others that can be reached from there, it is that of
-//! the part. Of a small cap, some of them are at its rim.
+//! the part. Of a small cap, some of them are at its rim. A plane polygon with its vertices on a sphere is a flat side that is cut from it.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, Matrix4, Point3, Vector2, Vector3, Vector4};
 
 use super::SmoothMesh;
+use super::creases::Facing;
 use super::ends::{Surface, Surroundings, precision};
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
@@ -24,9 +28,14 @@ const SAME_ROW: f64 = 0.05;
 const LEAST_BULGE: f64 = 50.0;
 /// A sphere has so many facets, at least.
 const LEAST_TRIANGLES: usize = 16;
-/// Plane facets of more triangles, as flat sides are, leave a sphere by at most so many times as far as those round a first vertex.
-const FACET_TRIANGLES: usize = 2;
-const FLAT: f64 = 2.5;
+/// A plane polygon with its vertices on a sphere is a flat side, unless it leaves the sphere as far as the facets beside it, to within
+/// this share: the polygons at the poles of some balls do.
+const AS_FAR: f64 = 0.01;
+/// Such a polygon fills at least this share of the circle in which its plane cuts the sphere: facets that are in one plane by chance are
+/// two triangles with slivers beside them.
+const FULL: f64 = 0.7;
+/// Its corners leave its plane by at most this share of what it leaves the sphere: each facet of a fine fan is in one plane with the next.
+const PLANE: f64 = 0.1;
 /// The normals of facets differ from that of the sphere by at most this, rad.
 const LEAN: f64 = 0.4;
 /// Normals of the file that differ from that of the sphere by less than this, rad, are as exact; …
@@ -112,24 +121,25 @@ impl Surface for Ball<'_> {
 /// Replaces normals that are `estimated` by those of the spheres that their vertices show, as exact as those of a file: they are not
 /// estimated any more, and have no `deviations`. So are those of the file that are nearly right, as averages of the facets round a
 /// vertex are. `is_round` are the triangles whose normals are known. At an edge that the facets beyond show, the sphere gets vertices of
-/// its own.
+/// its own. Returns the edges of flat sides that are cut from the spheres, in ascending order.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     estimated: &mut Vec<bool>,
     deviations: &mut Vec<f64>,
     is_round: &[bool],
     fork: &dyn Fork,
-) {
+) -> Vec<Facing> {
     if mesh.triangles.len() > MOST_TRIANGLES {
-        return;
+        return Vec::new();
     }
     let is_open = open(mesh, estimated);
     if !is_open.contains(&true) {
-        return;
+        return Vec::new();
     }
-    let found = balls(mesh, estimated, &is_open, is_round, fork);
+    let mut edges = Vec::new();
+    let found = balls(mesh, estimated, &is_open, is_round, &mut edges, fork);
     if found.is_empty() {
-        return;
+        return edges;
     }
     let mut is_known = vec![false; mesh.positions.len()];
     for (corners, _) in mesh.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round) {
@@ -167,6 +177,9 @@ pub(super) fn settle(
             }
         }
     }
+    edges.sort_unstable();
+    edges.dedup();
+    edges
 }
 
 /// For each vertex whether its normal is estimated or, together with that of a neighbour, differs from those of a circle through
@@ -196,6 +209,7 @@ fn balls(
     estimated: &[bool],
     is_open: &[bool],
     is_round: &[bool],
+    edges: &mut Vec<Facing>,
     fork: &dyn Fork,
 ) -> Vec<Found> {
     let near = precision(mesh);
@@ -239,7 +253,7 @@ fn balls(
         let Some(ball) = ball else { continue };
         let is_exact = |&other: &u32| {
             let other = other as usize;
-            let outward = ball.0.outward(&mesh.positions[other]);
+            let outward = ball.outward(&mesh.positions[other]);
             !estimated[other] && mesh.normals[other].cross(&outward).norm() < EXACT
         };
         if ring.iter().all(is_exact) {
@@ -250,9 +264,12 @@ fn balls(
             continue;
         }
         let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near, fork));
-        let Some((sphere, triangles)) = grown(surroundings, ball, first, &is_known, &mut looks) else {
+        let Some((mut flat_sides, triangles)) = grown(surroundings, ball, first, &is_known, &mut looks)
+        else {
             continue;
         };
+        edges.extend(flat_sides.edges(&triangles));
+        let sphere = flat_sides.sphere;
         for &triangle in &triangles {
             is_known[triangle] = true;
             mesh.triangles[triangle].iter().for_each(|&vertex| is_tried[vertex as usize] = true);
@@ -269,14 +286,95 @@ fn balls(
     found
 }
 
-/// The sphere of a vertex and those round it in two rows, which have so many distances from it, and how far facets there leave it, mm.
-fn ball_at(
-    mesh: &SmoothMesh,
-    around: &Neighbours,
-    vertex: usize,
-    near: f64,
-    rows: usize,
-) -> Option<(Sphere, f64)> {
+/// The plane facets of a mesh that are flat sides of a sphere.
+struct FlatSides<'s, 'm> {
+    surroundings: &'s Surroundings<'m>,
+    sphere: Sphere,
+    /// For each facet that was looked at, whether it is one.
+    of_facet: BTreeMap<u32, bool>,
+}
+
+impl<'s, 'm> FlatSides<'s, 'm> {
+    fn of(surroundings: &'s Surroundings<'m>, sphere: Sphere) -> Self {
+        Self { surroundings, sphere, of_facet: BTreeMap::new() }
+    }
+
+    fn has_corners_of(&self, triangle: usize) -> bool {
+        let Surroundings { mesh, near, .. } = self.surroundings;
+        mesh.corners(triangle).0.iter().all(|corner| self.sphere.distance(corner).abs() <= *near)
+    }
+
+    /// Whether a triangle is of the sphere.
+    fn leave(&mut self, triangle: usize) -> bool {
+        let corners = self.surroundings.mesh.corners(triangle).0;
+        let middle = nalgebra::center(&nalgebra::center(&corners[0], &corners[1]), &corners[2]);
+        self.has_corners_of(triangle)
+            && (facet_normal(corners).cross(&self.sphere.outward(&middle)).norm() < LEAN
+                || sliver_side(corners).is_some())
+            && !self.contain(triangle)
+    }
+
+    /// Whether a triangle with its corners on the sphere is of a flat side.
+    fn contain(&mut self, triangle: usize) -> bool {
+        let facets = &self.surroundings.facets;
+        if !facets.is_polygon(triangle) {
+            return false;
+        }
+        let facet = facets.of_triangle(triangle);
+        if let Some(known) = self.of_facet.get(&facet) {
+            return *known;
+        }
+        let is_flat = self.is_flat(triangle);
+        self.of_facet.insert(facet, is_flat);
+        is_flat
+    }
+
+    /// Whether the polygon of a triangle does not leave the sphere as far as the nearest vertices beside it do.
+    fn is_flat(&self, triangle: usize) -> bool {
+        let Self { surroundings, sphere, .. } = self;
+        let Surroundings { mesh, facets, near } = surroundings;
+        let mut beside = f64::INFINITY;
+        for side in facets.with(triangle).flat_map(|triangle| 3 * triangle..3 * triangle + 3) {
+            let other = mesh.continued[side] as usize;
+            if mesh.continued[side] == NONE || facets.of_triangle(other / 3) == facets.of_triangle(triangle) {
+                continue;
+            }
+            let apex = mesh.corners(other / 3).0[(other % 3 + 2) % 3];
+            let leaves = mesh.ends(side).map(|end| sphere.distance(&nalgebra::center(&end, &apex)).abs());
+            beside = leaves.into_iter().fold(beside, f64::min);
+        }
+        let Some(largest) = facets.with(triangle).next() else { return false };
+        let corners = mesh.corners(largest).0;
+        let normal = facet_normal(corners);
+        let leaves = sphere.radius - normal.dot(&(corners[0] - sphere.center)).abs();
+        let is_plane = || {
+            let all = facets.with(triangle).flat_map(|triangle| mesh.corners(triangle).0);
+            all.map(|corner| normal.dot(&(corner - corners[0])).abs()).fold(0.0, f64::max) < PLANE * leaves
+        };
+        let area = |[a, b, c]: [Point3<f64>; 3]| (b - a).cross(&(c - a)).norm() / 2.0;
+        let is_full = || {
+            let circle = PI * leaves * (2.0 * sphere.radius - leaves);
+            facets.with(triangle).map(|triangle| area(mesh.corners(triangle).0)).sum::<f64>() > FULL * circle
+        };
+        beside.is_finite()
+            && (leaves - beside).abs() > AS_FAR * beside + near
+            && leaves > LEAST_BULGE * near
+            && is_plane()
+            && is_full()
+    }
+
+    /// The sides at which triangles of the sphere meet flat sides.
+    fn edges(&mut self, triangles: &[usize]) -> Vec<Facing> {
+        let ends = self.surroundings.ends(triangles);
+        let is_edge =
+            |&(_, other): &(usize, usize)| self.has_corners_of(other / 3) && self.contain(other / 3);
+        let edges = ends.into_iter().filter(is_edge);
+        edges.map(|(side, other)| [side.min(other) as u32, side.max(other) as u32]).collect()
+    }
+}
+
+/// The sphere of a vertex and those round it in two rows, which have so many distances from it.
+fn ball_at(mesh: &SmoothMesh, around: &Neighbours, vertex: usize, near: f64, rows: usize) -> Option<Sphere> {
     let mut vertices: Vec<u32> = around
         .of_vertex(vertex)
         .iter()
@@ -317,11 +415,7 @@ fn ball_at(
     if least * least < 2.0 * LEAST_BULGE * near * sphere.radius {
         return None;
     }
-    let sides = around
-        .of_vertex(vertex)
-        .iter()
-        .map(|&other| sphere.distance(&nalgebra::center(&own, &mesh.positions[other as usize])).abs());
-    Some((sphere, sides.fold(0.0, f64::max)))
+    Some(sphere)
 }
 
 /// How far the sides of a triangle are from a sphere at their middles, at most, mm.
@@ -331,23 +425,16 @@ fn bulge_on(mesh: &SmoothMesh, sphere: &Sphere, triangle: usize) -> f64 {
     middles.map(|middle| sphere.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
 }
 
-/// The triangles on a sphere that can be reached from one, in ascending order, and the sphere of all their vertices.
-fn grown(
-    &Surroundings { mesh, ref facets, near }: &Surroundings,
-    (mut sphere, usual): (Sphere, f64),
+/// The triangles on a sphere that can be reached from one, in ascending order, and the sphere of all their vertices, with its flat sides.
+fn grown<'s, 'm>(
+    surroundings: &'s Surroundings<'m>,
+    sphere: Sphere,
     from: usize,
     is_known: &[bool],
     looks: &mut Looks,
-) -> Option<(Sphere, Vec<usize>)> {
-    let is_of_few = |triangle: usize| facets.with(triangle).nth(FACET_TRIANGLES).is_none();
-    let is_on = |sphere: &Sphere, triangle: usize| {
-        let corners = mesh.corners(triangle).0;
-        let middle = nalgebra::center(&nalgebra::center(&corners[0], &corners[1]), &corners[2]);
-        corners.iter().all(|corner| sphere.distance(corner).abs() <= near)
-            && (is_of_few(triangle) || bulge_on(mesh, sphere, triangle) <= FLAT * usual + near)
-            && (facet_normal(corners).cross(&sphere.outward(&middle)).norm() < LEAN
-                || sliver_side(corners).is_some())
-    };
+) -> Option<(FlatSides<'s, 'm>, Vec<usize>)> {
+    let mesh = surroundings.mesh;
+    let mut flat_sides = FlatSides::of(surroundings, sphere);
     let mut found: Vec<usize> = Vec::new();
     for _ in 0..ROUNDS {
         looks.round += 1;
@@ -363,7 +450,7 @@ fn grown(
                 if other == NONE
                     || is_known[there]
                     || looks.last[there] == looks.round
-                    || !is_on(&sphere, there)
+                    || !flat_sides.leave(there)
                 {
                     continue;
                 }
@@ -378,11 +465,11 @@ fn grown(
         found = now;
         let some = found.iter().step_by(found.len().div_ceil(MOST_FITTED));
         let points: Vec<Point3<f64>> = some.flat_map(|&triangle| mesh.corners(triangle).0).collect();
-        sphere = Sphere::through(&points)?;
+        flat_sides = FlatSides::of(surroundings, Sphere::through(&points)?);
     }
-    found.retain(|&triangle| is_on(&sphere, triangle));
+    found.retain(|&triangle| flat_sides.leave(triangle));
     found.sort_unstable();
-    (found.len() >= LEAST_TRIANGLES).then_some((sphere, found))
+    (found.len() >= LEAST_TRIANGLES).then_some((flat_sides, found))
 }
 
 #[cfg(test)]

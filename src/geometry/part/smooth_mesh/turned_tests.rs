@@ -196,3 +196,65 @@ fn a_step_of_two_arcs_is_smooth() {
         assert_eq!((regions.len(), part.positions.len()), (1, 1 + 5 * 24), "{turn}");
     }
 }
+
+#[test]
+fn a_flat_disc_that_is_cut_from_a_ball_stays_flat() {
+    let ball = 20.0f64;
+    for (steps, sectors, disc) in
+        [(0.1, 48, 0.08), (0.1, 48, 0.12), (0.15, 32, 0.13), (0.2, 24, 0.2), (0.2, 24, 0.5), (0.4, 16, 0.15)]
+    {
+        let tilts = (0..6).map(|row| disc + f64::from(row) * steps);
+        let profile = std::iter::once([0.0, ball * f64::cos(disc)])
+            .chain(tilts.map(|tilt| [ball * tilt.sin(), ball * tilt.cos()]));
+        let mesh = rings(&profile.collect::<Vec<_>>(), sectors);
+        // CAD programs put no vertex into a plane face.
+        let rest = mesh.triangles().iter().filter(|corners| !corners.contains(&0)).copied();
+        let disc_facets = (2..sectors).map(|sector| [1, sector, sector + 1]);
+        let mesh =
+            TriMesh::new(mesh.positions().to_vec(), Vec::new(), disc_facets.chain(rest).collect()).unwrap();
+        let part = SmoothMesh::new(&mesh, &View::top());
+        let of_disc = part.slope_doubts.iter().take(sectors as usize - 2);
+        let most = of_disc.copied().fold(0.0, f32::max);
+        assert!(most < 1e-4, "{steps} {disc}: {most} rad in doubt");
+        for triangle in 0..part.triangles.len() {
+            let (corners, normals) = part.corners(triangle);
+            for (at, normal) in corners.iter().zip(normals) {
+                let exact =
+                    if triangle < sectors as usize - 2 { Vector3::z() } else { at.coords.normalize() };
+                assert!(normal.angle(&exact) < 1e-4, "{steps} {disc} {at}: {normal:?} for {exact:?}");
+            }
+        }
+    }
+}
+
+/// As OpenSCAD cuts balls: its rings are half a step from the poles.
+#[test]
+fn the_polygon_at_the_pole_of_a_ball_is_of_the_ball() {
+    let ball = 20.0f64;
+    for sectors in [16, 24, 48u32] {
+        let step = TAU / f64::from(sectors);
+        let tilts = (0..sectors / 2).map(|row| (f64::from(row) + 0.5) * step);
+        let profile = std::iter::once([0.0, ball * f64::cos(step / 2.0)])
+            .chain(tilts.map(|tilt| [ball * tilt.sin(), ball * tilt.cos()]));
+        let mesh = rings(&profile.collect::<Vec<_>>(), sectors);
+        let rest = mesh.triangles().iter().filter(|corners| !corners.contains(&0)).copied();
+        let pole = (2..sectors).map(|sector| [1, sector, sector + 1]);
+        let mesh = TriMesh::new(mesh.positions().to_vec(), Vec::new(), pole.chain(rest).collect()).unwrap();
+        let part = SmoothMesh::new(&mesh, &View::top());
+        let (corners, normals) = part.corners(0);
+        for (at, normal) in corners.iter().zip(normals) {
+            assert!(normal.angle(&at.coords) < 1e-4, "{sectors} {at}: {normal:?}");
+        }
+    }
+}
+
+/// Each facet of the fan is in one plane with the next, and they fill a circle.
+#[test]
+fn the_fine_fan_at_the_top_of_a_dome_is_no_flat_side() {
+    let ball = 168.0f64;
+    let profile = [0.0, 5.1, 6.8, 10.2].map(|radius| [radius, (ball * ball - radius * radius).sqrt()]);
+    let part = SmoothMesh::new(&rings(&profile, 200), &View::top());
+    for (at, normal) in part.positions.iter().zip(&part.normals) {
+        assert!(normal.angle(&at.coords) < 1e-5, "{at}: {normal:?}");
+    }
+}
