@@ -304,8 +304,8 @@ impl<'s, 'm> FlatSides<'s, 'm> {
         mesh.corners(triangle).0.iter().all(|corner| self.sphere.distance(corner).abs() <= *near)
     }
 
-    /// Whether a triangle is of the sphere.
-    fn leave(&mut self, triangle: usize) -> bool {
+    /// Whether a triangle is of the sphere, and not of a flat side.
+    fn leave_to_sphere(&mut self, triangle: usize) -> bool {
         let corners = self.surroundings.mesh.corners(triangle).0;
         let middle = nalgebra::center(&nalgebra::center(&corners[0], &corners[1]), &corners[2]);
         self.has_corners_of(triangle)
@@ -329,7 +329,7 @@ impl<'s, 'm> FlatSides<'s, 'm> {
         is_flat
     }
 
-    /// Whether the polygon of a triangle does not leave the sphere as far as the nearest vertices beside it do.
+    /// Whether the polygon of a triangle fills its circle, and does not leave the sphere as far as the nearest vertices beside it do.
     fn is_flat(&self, triangle: usize) -> bool {
         let Self { surroundings, sphere, .. } = self;
         let Surroundings { mesh, facets, near } = surroundings;
@@ -450,7 +450,7 @@ fn grown<'s, 'm>(
                 if other == NONE
                     || is_known[there]
                     || looks.last[there] == looks.round
-                    || !flat_sides.leave(there)
+                    || !flat_sides.leave_to_sphere(there)
                 {
                     continue;
                 }
@@ -467,7 +467,7 @@ fn grown<'s, 'm>(
         let points: Vec<Point3<f64>> = some.flat_map(|&triangle| mesh.corners(triangle).0).collect();
         flat_sides = FlatSides::of(surroundings, Sphere::through(&points)?);
     }
-    found.retain(|&triangle| flat_sides.leave(triangle));
+    found.retain(|&triangle| flat_sides.leave_to_sphere(triangle));
     found.sort_unstable();
     (found.len() >= LEAST_TRIANGLES).then_some((flat_sides, found))
 }
