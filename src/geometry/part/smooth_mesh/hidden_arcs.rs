@@ -8,11 +8,14 @@ use nalgebra::Vector3;
 
 use super::creases::Facing;
 use super::sections::{Facets, turn};
+use crate::geometry::adjacency::{NONE, facet_normal};
 
 /// CAD programs cut arcs into facets that turn by at most this, rad.
 const MOST_TURN: f64 = 0.5;
 /// Two chords are of one arc, or of one smooth curve, where their lengths differ by at most this factor.
 const OF_ONE_CURVE: f64 = 1.6;
+/// Sides whose direction differs more than this from that of an edge, as a cosine, run across it.
+const ACROSS: f64 = 0.3;
 /// Pieces of a section that turn by less than this are in one plane, rad.
 const COPLANAR: f64 = 0.25 * std::f64::consts::PI / 180.0;
 
@@ -72,7 +75,10 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
         let [one, other] = beside.each_ref().map(|beside| beside.length);
         let goes_on = beside.iter().any(|beside| beside.turn.is_some());
         let is_even = one <= OF_ONE_CURVE * other && other <= OF_ONE_CURVE * one;
-        if !goes_on || !is_even || turned.abs() > MOST_TURN {
+        let is_of_polygon =
+            |triangles: &[usize]| triangles.first().is_some_and(|&first| is_polygon(facets, first, along));
+        let starts_flat = beside.iter().any(|beside| is_of_polygon(&beside.triangles[0]));
+        if !goes_on || !is_even || starts_flat || turned.abs() > MOST_TURN {
             continue;
         }
         for (way, beside) in beside.iter().enumerate() {
@@ -86,10 +92,90 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
             add(0, lean);
             // Sections on the two sides of the edge run opposite ways.
             let ahead = if way == 0 { -1.0 } else { 1.0 };
-            if let Some(turn) = beside.turn {
+            if let Some(turn) = beside.turn
+                && !is_of_polygon(&beside.triangles[1])
+            {
                 add(1, (ahead * turn - lean).clamp(-MOST_TURN / 2.0, MOST_TURN / 2.0));
             }
         }
     }
     arcs
+}
+
+/// Whether a triangle beside an edge, along a unit vector, is of a facet that is divided more often than those of a curved face: a
+/// flat side. Those of a curved face are divided once between two rulings, and in rows across these.
+fn is_polygon(facets: &Facets, triangle: usize, along: Vector3<f64>) -> bool {
+    let normal = facet_normal(facets.corners(triangle));
+    let mut found = [triangle; 2];
+    let mut count = 1;
+    let mut next = 0;
+    while next < count {
+        for side in 3 * found[next]..3 * found[next] + 3 {
+            let beyond = facets.continued[side] as usize / 3;
+            let [from, to] = facets.ends(side);
+            if facets.continued[side] == NONE
+                || found[..count].contains(&beyond)
+                || (to - from).dot(&along).abs() < ACROSS * (to - from).norm()
+                || facet_normal(facets.corners(beyond)).dot(&normal) < COPLANAR.cos()
+            {
+                continue;
+            }
+            if count == 2 {
+                return true;
+            }
+            found[count] = beyond;
+            count += 1;
+        }
+        next += 1;
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::geometry::adjacency::opposite_sides;
+
+    /// A roof of two narrow facets between two wide sides that turn the other way, each in so many strips, and all in rows: the widths
+    /// of the strips whose triangles may be of arcs, mm.
+    fn widths_of_arcs(strips: u32, rows: u32) -> Vec<f64> {
+        let wide = f64::from(strips) * 5.0;
+        let mut profile: Vec<(f64, f64)> = (0..strips).map(|strip| (f64::from(strip) * 5.0, 0.0)).collect();
+        profile.extend([(wide, 0.0), (wide + 0.3, 0.03), (wide + 0.6, 0.0)]);
+        profile.extend((1..=strips).map(|strip| (wide + 0.6 + f64::from(strip) * 5.0, 0.0)));
+        let row = |&(x, z): &(f64, f64)| (0..=rows).map(move |row| Point3::new(x, 20.0 * f64::from(row), z));
+        let positions: Vec<_> = profile.iter().flat_map(row).collect();
+        let triangles: Vec<[u32; 3]> = (0..profile.len() as u32 - 1)
+            .flat_map(|column| (0..rows).map(move |row| column * (rows + 1) + row))
+            .flat_map(|at| [[at, at + rows + 1, at + rows + 2], [at, at + rows + 2, at + 1]])
+            .collect();
+        let continued = opposite_sides(&triangles);
+        let facets = Facets { positions: &positions, triangles: &triangles, continued: &continued };
+        let is_ridge = |side: &usize| {
+            facets.ends(*side).iter().all(|end| end.z > 0.01) && *side < continued[*side] as usize
+        };
+        let ridge = (0..continued.len()).find(is_ridge).map(|side| [side as u32, continued[side]]).unwrap();
+        let mut widths: Vec<f64> = found(&facets, &[ridge])
+            .iter()
+            .map(|arc| {
+                let x = facets.corners(arc.triangle).map(|corner| corner.x);
+                x.into_iter().fold(0.0, f64::max) - x.into_iter().fold(f64::INFINITY, f64::min)
+            })
+            .collect();
+        widths.sort_by(f64::total_cmp);
+        widths.dedup_by(|one, other| (*one - *other).abs() < 1e-9);
+        widths
+    }
+
+    #[test]
+    fn a_polygon_beyond_an_arc_is_flat() {
+        for rows in [1, 3] {
+            let [arc, beyond] = widths_of_arcs(1, rows)[..] else { panic!("the sides may be arcs, too") };
+            assert!((arc - 0.3).abs() < 1e-9 && beyond == 5.0);
+            let only_the_roof = widths_of_arcs(4, rows);
+            assert!(only_the_roof.len() == 1 && (only_the_roof[0] - 0.3).abs() < 1e-9, "{only_the_roof:?}");
+        }
+    }
 }
