@@ -20,6 +20,7 @@ mod slopes;
 mod spheres;
 mod straightest;
 mod strips;
+mod turned;
 #[cfg(test)]
 mod turned_tests;
 

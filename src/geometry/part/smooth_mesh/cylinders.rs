@@ -88,13 +88,16 @@ pub(super) struct Rounds {
 }
 
 impl Rounds {
-    /// For each triangle of a cone, by how much the slope of its patch differs from that of the cone at most, rad: patches with exact
-    /// normals are on a cylinder, but only near a cone.
+    /// For each triangle of a cone, by how much the slope of its patch differs from that of the cone, rad, root mean square: patches with
+    /// exact normals are on a cylinder, but only near a cone.
     pub(super) fn doubts_of_cones(&self, mesh: &SmoothMesh) -> Vec<(usize, f32)> {
         let off = |(triangle, cone): &(usize, Round)| {
             let patch = mesh.patch(*triangle);
-            let angles = patch.grid().map(|(at, normal)| normal.cross(&cone.outward(&at)).norm());
-            (*triangle, angles.fold(0.0, f64::max) as f32)
+            let off =
+                |(at, normal): (Point3<f64>, Vector3<f64>)| normal.cross(&cone.outward(&at)).norm_squared();
+            let [sum, count] =
+                patch.grid().map(off).fold([0.0; 2], |[sum, count], square| [sum + square, count + 1.0]);
+            (*triangle, (sum / count).sqrt() as f32)
         };
         self.on_cones.iter().map(off).collect()
     }

@@ -5,11 +5,13 @@ use nalgebra::{Point3, Vector3};
 use super::arcs::{self, NEGLIGIBLE_BEND};
 use super::creases::{Facing, Steps, matters};
 use super::cylinders;
+use super::ends::{self, precision};
 use super::hidden_arcs;
 use super::long_sides;
 use super::sections::Facets;
 use super::spheres;
 use super::strips;
+use super::turned;
 use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
 use crate::geometry::adjacency::{
     NONE, Neighbours, WELD_DISTANCE, facet_normal, opposite_sides, sliver_side, spread, weld, width,
@@ -278,12 +280,17 @@ impl SmoothMesh {
         }
         smooth.trust(is_round, &mut deviations);
         let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden, fork);
+        let near = precision(&smooth).max(ends::rounding(mesh.positions()));
+        let before = || smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
+        let of_turned = turned::found(&smooth, &estimated, is_round, near, before, fork);
+        of_turned.settle(&mut smooth, &mut estimated, &mut deviations);
         smooth.creases = smooth.edges_between(beside, is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         smooth.replace_slope_doubts(of_strips);
         let of_cones = rounds.doubts_of_cones(&smooth);
         smooth.replace_slope_doubts(of_cones);
+        of_turned.add_doubts(&mut smooth.slope_doubts, smooth.triangles.len());
         smooth.doubt_flat_shading(mesh);
         smooth.trust(is_round, &mut []);
         smooth

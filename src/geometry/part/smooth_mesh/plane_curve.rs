@@ -27,6 +27,12 @@ const OF_MEAN_CHORD: f64 = 0.3;
 const LEAST_POINTS: usize = 4;
 /// Chords beside those at a vertex on which others are looked for.
 const BESIDE: usize = 3;
+/// Where arcs of different curvature meet, each cut evenly, the normals of cubics are off by a sixth of the turn between two chords. The
+/// error of the slope over a chord, root mean square, is this share of the chord times that by which the curvature beside it leaves a
+/// straight line.
+const OF_JUMP: f64 = 0.25;
+/// The error of the slope between points that are off, as a share of how far they are off over the length of the chord.
+const OF_DEVIATION: f64 = 2.0;
 /// The slope of a curve that leaves another by one unit of length between the ends of a chord of one unit, root mean square.
 const OF_OFF: f64 = 3.0;
 
@@ -48,7 +54,7 @@ type Placed = (PlaneCurve, BTreeMap<u32, Place>);
 
 /// A place on a curve.
 #[derive(Clone, Copy)]
-struct Place {
+pub(super) struct Place {
     /// The chord and the share of it, as the sum of both.
     at: f64,
     /// From the curve, mm.
@@ -60,6 +66,11 @@ struct Place {
 }
 
 impl Place {
+    /// The parts of the unit normal of a profile along the axis and away from it.
+    pub(super) fn normal_of_profile(&self) -> [f64; 2] {
+        [self.normal.x, self.normal.y]
+    }
+
     fn distance(&self) -> f64 {
         self.off.hypot(self.beyond)
     }
@@ -131,6 +142,37 @@ impl PlaneCurve {
         let mut curve = Self { axis, points, normals, doubts, largest_bulge: 0.0, is_closed };
         curve.largest_bulge = (0..chords).map(|chord| curve.bulge(chord)).fold(0.0, f64::max);
         curve
+    }
+
+    /// Doubts the slopes round points where the curvature does not change evenly, as where an arc begins: cubics may be wrong alike there.
+    fn doubt_bends(&mut self) {
+        let (count, chords) = (self.points.len(), self.chords());
+        let around = |at: usize, by: usize| match self.is_closed {
+            true => Some((at + count + by - 2) % count),
+            false => (at + by).checked_sub(2).filter(|at| *at < count),
+        };
+        let length = |chord: usize| self.chord(chord).norm();
+        // The curvature at a point between two chords, rad/mm.
+        let curvature = |at: usize| {
+            let before = around(at, 1)?;
+            around(at, 3)?;
+            let turn = self.chord(before).cross(&self.chord(at)).dot(&self.axis);
+            let angle = turn.atan2(self.chord(before).dot(&self.chord(at)));
+            Some(2.0 * angle / (length(before) + length(at)))
+        };
+        let jump = |at: usize| {
+            let (before, after) = (around(at, 1)?, around(at, 3)?);
+            let [one, own, other] = [curvature(before)?, curvature(at)?, curvature(after)?];
+            let share = length(before) / (length(before) + length(at));
+            Some((own - one - (other - one) * share).abs())
+        };
+        let jumps: Vec<f64> = (0..count).map(|at| jump(at).unwrap_or(0.0)).collect();
+        let doubt = |chord: usize| {
+            let near = (1..=4).filter_map(|by| around(chord, by));
+            OF_JUMP * near.map(|at| jumps[at]).fold(0.0, f64::max) * length(chord)
+        };
+        let doubts: Vec<f64> = (0..chords).map(doubt).collect();
+        self.doubts.iter_mut().zip(doubts).for_each(|(own, doubt)| *own = own.max(doubt as f32));
     }
 
     fn chords(&self) -> usize {
@@ -313,6 +355,100 @@ fn facing_ends(
         if along > (low + high) / 2.0 { areas[1] += facing } else { areas[0] -= facing }
     }
     areas[0].max(areas[1])
+}
+
+/// Where a ring of vertices crosses the profile of a turned face.
+#[derive(Clone, Copy)]
+pub(super) struct RingPlace {
+    /// How far along the axis and from it, mm.
+    pub(super) at: [f64; 2],
+    /// The standard deviation of that, mm.
+    pub(super) deviation: f64,
+}
+
+/// The profile of a turned face, through the rings of its vertices.
+pub(super) struct Profile {
+    curve: PlaneCurve,
+    /// The number of points before the first ring.
+    before: usize,
+    /// The number of rings.
+    count: usize,
+}
+
+impl Profile {
+    /// That through rings. Where one at an end is a pole, on the axis, the
+    /// profile goes on beyond it as its mirror image. `None` if there are too few rings.
+    pub(super) fn through(rings: &[RingPlace], is_closed: bool, is_pole: [bool; 2]) -> Option<Self> {
+        let count = rings.len();
+        if count < LEAST_POINTS {
+            return None;
+        }
+        let mirrored = |ring: usize| Point3::new(rings[ring].at[0], -rings[ring].at[1], 0.0);
+        let beyond =
+            |is_pole: bool, next: [usize; 2]| next.map(mirrored).into_iter().filter(move |_| is_pole);
+        let mut points: Vec<Point3<f64>> = beyond(is_pole[0], [2, 1]).collect();
+        let before = points.len();
+        points.extend(rings.iter().map(|ring| Point3::new(ring.at[0], ring.at[1], 0.0)));
+        points.extend(beyond(is_pole[1], [count - 2, count - 3]));
+        let mut curve = PlaneCurve::through(points, Vector3::z(), is_closed);
+        curve.doubt_bends();
+        for (ring, place) in rings.iter().enumerate() {
+            let at = before + ring;
+            for chord in [at.checked_sub(1), Some(at)].into_iter().flatten() {
+                let Some(doubt) = curve.doubts.get(chord).copied() else { continue };
+                let of_rounding = OF_DEVIATION * place.deviation / curve.chord(chord).norm();
+                curve.doubts[chord] = doubt.max(of_rounding as f32);
+            }
+        }
+        Some(Self { curve, before, count })
+    }
+
+    /// Turns its normals to the other side.
+    pub(super) fn turn_over(&mut self) {
+        self.curve.normals.iter_mut().for_each(|normal| *normal = -*normal);
+    }
+
+    /// Replaces the normals at rings by those that are known.
+    pub(super) fn set_known(&mut self, normals: &[Option<[f64; 2]>]) {
+        for (own, known) in self.curve.normals[self.before..].iter_mut().zip(normals) {
+            if let Some([along, out]) = *known {
+                *own = Vector3::new(along, out, 0.0);
+            }
+        }
+    }
+
+    /// The number of its rings.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The place of a ring.
+    pub(super) fn at_ring(&self, ring: usize) -> Place {
+        let at = self.before + ring;
+        Place { at: at as f64, off: 0.0, beyond: 0.0, normal: self.curve.normals[at] }
+    }
+
+    /// The place of a vertex with such a distance along the axis and from it, mm, near some others, if it is on the profile as far as
+    /// that is known; it may be off by `near`, mm.
+    pub(super) fn place(&self, round: &[Place], [along, radius]: [f64; 2], near: f64) -> Option<Place> {
+        let place =
+            self.curve.nearest(round.iter().map(|place| place.at), &Point3::new(along, radius, 0.0))?;
+        let chord = (place.at as usize).min(self.curve.chords() - 1);
+        let known = f64::from(self.curve.doubts[chord]) * self.curve.chord(chord).norm() / OF_OFF;
+        let is_between = (self.before as f64..=(self.before + self.count) as f64).contains(&place.at);
+        (is_between && place.beyond <= near && place.off <= near.max(known)).then_some(place)
+    }
+
+    /// The rings beside a place.
+    pub(super) fn rings_beside(&self, place: &Place) -> [usize; 2] {
+        let ring = |at: f64| at as usize - self.before;
+        [ring(place.at.floor()), ring(place.at.ceil()) % self.count]
+    }
+
+    /// How far the slope of the part may be from that of a patch between places, rad.
+    pub(super) fn doubt(&self, places: [Place; 3]) -> f32 {
+        self.curve.doubt(places)
+    }
 }
 
 /// A strip whose vertices are on one plane curve, with rows inside it.

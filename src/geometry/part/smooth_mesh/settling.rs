@@ -27,13 +27,14 @@ impl<'a> Settling<'a> {
     }
 
     /// Replaces the normals at the vertices of some triangles. Those `at_edges`, in ascending order, get vertices of their own: the
-    /// facets beyond keep what they have.
+    /// facets beyond keep what they have. Returns the vertices whose normals were replaced.
     pub(super) fn set(
         &mut self,
         triangles: &[usize],
         at_edges: &[u32],
         normal: impl Fn(&SmoothMesh, u32) -> Option<Vector3<f64>>,
-    ) {
+    ) -> Vec<u32> {
+        let mut replaced = Vec::new();
         let mut own: BTreeMap<u32, u32> = BTreeMap::new();
         for &triangle in triangles {
             for corner in 0..3 {
@@ -46,6 +47,7 @@ impl<'a> Settling<'a> {
                 if at_edges.binary_search(&vertex).is_err() {
                     self.mesh.normals[index] = normal;
                     self.is_set[index] = true;
+                    replaced.push(vertex);
                     continue;
                 }
                 let new = *own.entry(vertex).or_insert(self.mesh.positions.len() as u32);
@@ -54,10 +56,12 @@ impl<'a> Settling<'a> {
                     self.mesh.normals.push(normal);
                     self.estimated.push(true);
                     self.is_set.push(true);
+                    replaced.push(new);
                     self.deviations.extend((!self.deviations.is_empty()).then_some(0.0));
                 }
                 self.mesh.triangles[triangle][corner] = new;
             }
         }
+        replaced
     }
 }
