@@ -289,13 +289,53 @@ impl Clues {
     }
 }
 
-/// The unit that a comment states, as in `units: mm`.
+/// The unit that a comment states: as in `units: mm`, or right after the word, as in `units mm`.
 pub(super) fn stated_unit(comment: &str) -> Option<LengthUnit> {
-    let mut words = comment.split(|letter: char| !letter.is_ascii_alphabetic()).map(str::to_ascii_lowercase);
-    words
-        .any(|word| word == "unit" || word == "units")
-        .then(|| words.find_map(|word| unit_word(&word)))
-        .flatten()
+    after_unit(comment).find_map(|(is_assigned, words)| {
+        let links_at_most = words.len().checked_sub(1)?;
+        let links = words[..links_at_most].iter().take_while(|word| LINKS.contains(&word.as_str())).count();
+        let word = words.get(links)?;
+        // A single letter after the word may be a name, as in "unit M".
+        unit_word(word)
+            .filter(|_| is_assigned || links > 0 || word.len() > 1)
+            .or_else(|| (is_assigned && is_inch(word) && words.len() == 1).then_some(LengthUnit::Inch))
+    })
+}
+
+/// The unit that a name states, which it only does as in `units: mm` or `UNIT=mm`.
+pub(super) fn stated_unit_in_name(name: &str) -> Option<LengthUnit> {
+    after_unit(name).filter(|(is_assigned, _)| *is_assigned).find_map(|(_, words)| unit_word(words.first()?))
+}
+
+/// Words between `unit` and the unit, as in `units are mm`.
+const LINKS: [&str; 3] = ["in", "is", "are"];
+/// Largest number of words that are examined after `unit`.
+const WORDS_AFTER_UNIT: usize = 3;
+
+/// For each word `unit` or `units`, whether a sign of assignment follows it, and the words after it, in lower case; a number is a
+/// word, too.
+fn after_unit(text: &str) -> impl Iterator<Item = (bool, Vec<String>)> {
+    let text = text.to_ascii_lowercase();
+    let places: Vec<usize> = text.match_indices("unit").map(|(at, _)| at).collect();
+    places.into_iter().filter_map(move |at| {
+        if text[..at].ends_with(|letter: char| letter.is_alphanumeric()) {
+            return None;
+        }
+        let rest = &text[at + "unit".len()..];
+        let rest = rest.strip_prefix('s').unwrap_or(rest);
+        if rest.starts_with(|letter: char| letter.is_alphanumeric()) {
+            return None;
+        }
+        let rest = rest.trim_start_matches([' ', '\t', '"', '\'']);
+        let is_assigned = rest.starts_with([':', '=', '(', '[']);
+        let words = rest.split(|letter: char| !letter.is_alphanumeric()).filter(|word| !word.is_empty());
+        Some((is_assigned, words.take(WORDS_AFTER_UNIT).map(str::to_owned).collect()))
+    })
+}
+
+/// Whether a word that can only be a unit means inches; elsewhere it is usually the preposition, as in "units in mm".
+pub(super) fn is_inch(word: &str) -> bool {
+    word == "in"
 }
 
 /// The unit that a word names.
@@ -304,7 +344,7 @@ pub(super) fn unit_word(word: &str) -> Option<LengthUnit> {
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(LengthUnit::Millimetre),
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => Some(LengthUnit::Centimetre),
         "m" | "meter" | "meters" | "metre" | "metres" => Some(LengthUnit::Metre),
-        // Not "in", which is usually the preposition, as in "units in mm".
+        // For "in" see `is_inch`.
         "inch" | "inches" => Some(LengthUnit::Inch),
         _ => None,
     }

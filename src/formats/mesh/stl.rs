@@ -6,7 +6,7 @@
 
 use nalgebra::Point3;
 
-use super::clues::Clues;
+use super::clues::{Clues, stated_unit_in_name};
 use super::error::{EmptyCause, VertexPlace};
 use super::text::{
     bad_line, beginning, first_bytes, last_line, lines, no_number, number, without_mark, words,
@@ -107,7 +107,7 @@ fn read_binary(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadErro
 
 fn clues(header: &str) -> Clues {
     let mut clues = Clues::new(MeshFormat::Stl, (!header.is_empty()).then(|| header.to_owned()));
-    clues.stated_unit = super::clues::stated_unit(header);
+    clues.stated_unit = stated_unit_in_name(header);
     clues
 }
 
@@ -154,6 +154,7 @@ fn read_text(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadError>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::mesh::LengthUnit;
 
     const TETRAHEDRON: [[f32; 3]; 4] =
         [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
@@ -191,6 +192,21 @@ mod tests {
         }
         let capitals = text().to_uppercase().replace('\n', "\r\n");
         assert_eq!(read(capitals.as_bytes()).unwrap().triangles.len(), 4);
+    }
+
+    #[test]
+    fn the_name_of_a_solid_is_no_unit() {
+        let named = |name: &str| text().replace("Cone of mine", name).into_bytes();
+        for name in ["heating unit 2 inch pipe", "unit inch", "unit M", "Unit in metres"] {
+            for bytes in [binary(name), named(name)] {
+                assert_eq!(read(&bytes).unwrap().clues.stated_unit, None, "{name}");
+            }
+        }
+        for name in ["UNITS=mm", "part, unit: mm"] {
+            for bytes in [binary(name), named(name)] {
+                assert_eq!(read(&bytes).unwrap().clues.stated_unit, Some(LengthUnit::Millimetre), "{name}");
+            }
+        }
     }
 
     #[test]

@@ -146,3 +146,28 @@ fn implausible_sizes_are_reported_with_their_number() {
         assert_eq!(notice.severity, Warning);
     }
 }
+
+#[test]
+fn a_comment_states_a_unit_only_right_after_the_word() {
+    for (comment, unit) in [
+        ("units: mm", Some(Millimetre)),
+        ("Units = Meters", Some(Metre)),
+        ("File units = centimeters", Some(LengthUnit::Centimetre)),
+        ("length_unit: m", Some(Metre)),
+        ("unit inch", Some(LengthUnit::Inch)),
+        ("all units in mm", Some(Millimetre)),
+        ("units are in inches", Some(LengthUnit::Inch)),
+        ("unit: in", Some(LengthUnit::Inch)),
+        ("Units [mm]", Some(Millimetre)),
+        ("\"units\": \"mm\"", Some(Millimetre)),
+        ("Scanned with unit 3 by J. M Smith", None),
+        ("unit M", None),
+        ("unit: 0.001 m", None),
+        ("heating unit 2 inch pipe", None),
+        ("united metre works", None),
+        ("a community in mm", None),
+        ("", None),
+    ] {
+        assert_eq!(stated_unit(comment), unit, "{comment}");
+    }
+}
