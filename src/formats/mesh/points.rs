@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::clues::{Clues, stated_unit, unit_word};
+use super::clues::{Clues, is_inch, stated_unit, unit_word};
 use super::error::VertexPlace;
 use super::raw::is_infinite;
 use super::text::{
@@ -28,6 +28,10 @@ const NO_DATA: [f64; 2] = [-9999.0, -99999.0];
 const UNIT_LENGTH: f64 = 0.01;
 /// Number of rows that are examined for decimal commas.
 const DECIMAL_ROWS: usize = 10;
+/// Words before a list of column names; `FIELDS` is of PCD files.
+const LIST_WORDS: [&str; 3] = ["fields", "columns", "format"];
+/// Words that are in sentences and no names of columns.
+const SENTENCE_WORDS: [&str; 8] = ["and", "are", "as", "in", "is", "of", "the", "with"];
 const FORMAT: MeshFormat = MeshFormat::Xyz;
 
 /// How numbers are written in a line.
@@ -50,7 +54,15 @@ struct Columns {
 struct Head {
     producer: Option<String>,
     unit: Option<LengthUnit>,
-    names: Option<Vec<String>>,
+    /// The lines that may have the names of the columns, the last one first.
+    named: Vec<NamedLine>,
+}
+
+/// A line with the letters x, y and z above the first point, in lower case.
+struct NamedLine {
+    line: u64,
+    is_comment: bool,
+    text: String,
 }
 
 /// Reads a scan from a list of points.
@@ -170,7 +182,8 @@ fn head(all: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
             if dialect.separator == Some(b',') && has_decimal_commas(all, line) {
                 return Err(MeshReadError::DecimalCommas { line });
             }
-            let columns = Columns::of(head.names.as_deref(), dialect, text, line)?;
+            let (columns, unit) = head.columns(dialect, text)?;
+            head.unit = head.unit.or(unit);
             return Ok((head, dialect, columns, first_missing.unwrap_or(line) as usize - 1));
         }
         if text.is_empty() {
@@ -197,7 +210,7 @@ fn head(all: &[u8]) -> Result<(Head, Dialect, Columns, usize), MeshReadError> {
     {
         return Err(MeshReadError::TooFewColumns { line, columns });
     }
-    if head.names.is_some() {
+    if head.named.iter().any(|named| Header::all_of(&named.text, None).next().is_some()) {
         return Err(MeshReadError::NoRows { found: "a header" });
     }
     match lines(all).map(|(_, line)| line).find(|line| !has_no_point(line)) {
@@ -217,7 +230,7 @@ fn numbers_in(line: &[u8]) -> usize {
     counts.max().unwrap_or_default()
 }
 
-/// Whether the lines from this one on are numbers such as `0,5`, separated by blanks, with or without another comma.
+/// Whether the lines from this one on are numbers such as `0,5`, separated by blanks, with or without another comma, or by commas.
 fn has_decimal_commas(text: &[u8], first: u64) -> bool {
     let is_decimal = |word: &[u8]| {
         let word = word.strip_suffix(b",").unwrap_or(word);
@@ -227,8 +240,27 @@ fn has_decimal_commas(text: &[u8], first: u64) -> bool {
             && halves.all(|half| !half.is_empty() && half.iter().all(u8::is_ascii_digit))
     };
     let rows = lines(text).skip_while(|(line, _)| *line < first).map(|(_, row)| row);
-    let mut rows = rows.filter(|row| !has_no_point(row)).take(DECIMAL_ROWS);
-    rows.all(|row| words(row).count() >= 3 && words(row).all(is_decimal))
+    let rows: Vec<&[u8]> = rows.filter(|row| !has_no_point(row)).take(DECIMAL_ROWS).collect();
+    rows.iter().all(|row| words(row).count() >= 3 && words(row).all(is_decimal)) || are_halves(&rows)
+}
+
+/// Whether lines such as `0,5000,-1,0250,7,0000` are pairs of a whole number and its decimals, of which there are as many everywhere
+/// and some begin with zero, unlike whole numbers.
+fn are_halves(rows: &[&[u8]]) -> bool {
+    let (mut decimals, mut has_zeros) = (None, false);
+    let mut is_pair = |whole: &[u8], part: &[u8]| {
+        let digits = whole.strip_prefix(b"-").or(whole.strip_prefix(b"+")).unwrap_or(whole);
+        has_zeros |= part.starts_with(b"0");
+        let is_whole = !digits.is_empty() && digits.iter().chain(part).all(u8::is_ascii_digit);
+        is_whole && part.len() > 1 && *decimals.get_or_insert(part.len()) == part.len()
+    };
+    let are_pairs = rows.iter().all(|row| {
+        let fields: Vec<&[u8]> = row.split(|byte| *byte == b',').map(<[u8]>::trim_ascii).collect();
+        fields.len() >= 6
+            && fields.len().is_multiple_of(2)
+            && fields.chunks(2).all(|pair| is_pair(pair[0], pair[1]))
+    });
+    are_pairs && has_zeros
 }
 
 impl Head {
@@ -240,17 +272,57 @@ impl Head {
         let text_line = String::from_utf8_lossy(text);
         let words = text_line.trim_start_matches(['#', '/', '%', '!']).trim();
         self.unit = self.unit.or_else(|| stated_unit(words)).or_else(|| bracketed_unit(words));
-        let names: Vec<String> = words
-            .split([',', ';', '\t', ' '])
-            .map(|name| name.trim_matches(['"', '\'', ' ']).to_ascii_lowercase())
-            .filter(|name| !name.is_empty() && !name.starts_with(['[', '(']))
-            .collect();
-        if Columns::named(&names).is_some() {
-            self.names = Some(names);
-        } else if has_no_point(text) && self.producer.is_none() && !words.is_empty() {
+        let lower = words.to_ascii_lowercase();
+        if Header::all_of(&lower, None).next().is_none()
+            && has_no_point(text)
+            && self.producer.is_none()
+            && !words.is_empty()
+        {
             self.producer = Some(words.chars().take(120).collect());
         }
+        if ['x', 'y', 'z'].iter().all(|&letter| lower.contains(letter)) {
+            self.named.insert(0, NamedLine { line, is_comment: has_no_point(text), text: lower });
+        }
         Ok(())
+    }
+
+    /// The columns that are read, from the names above them and the first line of numbers, and the unit in the names.
+    fn columns(
+        &self,
+        dialect: Dialect,
+        first: &[u8],
+    ) -> Result<(Columns, Option<LengthUnit>), MeshReadError> {
+        let mut fields = Vec::new();
+        dialect.split(first, &mut fields);
+        let most = fields.len();
+        // Columns may be empty at the end, and so may the end of every line.
+        let least = fields.iter().rposition(|field| !field.is_empty()).map_or(0, |last| last + 1);
+        for NamedLine { line, is_comment, text } in &self.named {
+            let headers = || Header::all_of(text, dialect.separator);
+            if let Some(header) = headers().find(|header| (least..=most).contains(&header.names)) {
+                return header.checked(*line);
+            }
+            // Further columns do not matter if the first ones are x, y and z. But if a line of names that is no comment lacks one, it
+            // may be that of the first column, as in files of R.
+            let are_first =
+                |header: &Header| header.columns.point == [0, 1, 2] && (*is_comment || header.names > least);
+            if let Some(header) = headers().find(are_first) {
+                let columns = header.columns;
+                let last = columns.normal.into_iter().flatten().max();
+                let normal = columns.normal.filter(|_| last.is_some_and(|last| last < least));
+                return Header { columns: Columns { normal, ..columns }, ..header }.checked(*line);
+            }
+            if let Some(header) = headers().next() {
+                let problem = format!(
+                    "it has {} column names, but the first line of points has {least} columns, so it is unclear which \
+                     columns are x, y and z",
+                    header.names
+                );
+                return Err(MeshReadError::BadHeader { format: FORMAT, line: *line, problem });
+            }
+        }
+        let normal = (most >= 6).then_some([3, 4, 5]);
+        Ok((Columns { point: [0, 1, 2], normal }, None))
     }
 }
 
@@ -260,47 +332,97 @@ fn bracketed_unit(words: &str) -> Option<LengthUnit> {
     inside.map(|word| word.trim().to_ascii_lowercase()).find_map(|word| unit_word(&word))
 }
 
-impl Columns {
-    /// The columns of a file, from the column names and the first line of numbers.
-    fn of(
-        names: Option<&[String]>,
-        dialect: Dialect,
-        first: &[u8],
-        line: u64,
-    ) -> Result<Self, MeshReadError> {
-        let mut fields = Vec::new();
-        dialect.split(first, &mut fields);
-        if let Some(columns) = names.and_then(Self::named) {
-            if columns.point.iter().any(|column| *column >= fields.len()) {
-                let problem = "it has fewer columns than the line of column names";
-                return Err(bad_line(line, first, problem));
-            }
-            return Ok(columns);
-        }
-        let normal = (fields.len() >= 6).then_some([3, 4, 5]);
-        Ok(Self { point: [0, 1, 2], normal })
+/// A line of column names, split in one way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Header {
+    /// The number of names.
+    names: usize,
+    columns: Columns,
+    /// The units in the names of x, y and z.
+    units: [Option<LengthUnit>; 3],
+}
+
+impl Header {
+    /// The ways to understand a line of column names, in lower case: split by this separator, then by the others.
+    fn all_of(line: &str, separator: Option<u8>) -> impl Iterator<Item = Self> {
+        let others = [Some(b';'), Some(b'\t'), Some(b','), None];
+        let others = others.into_iter().filter(move |&other| other != separator);
+        // What is before a colon is no name, as in `Columns: x y z`; nor is the keyword of a PCD file.
+        let after_colon = line.rsplit_once(": ").map(|(_, names)| names);
+        let after_keyword = LIST_WORDS.iter().find_map(|word| line.strip_prefix(word));
+        let lists = [Some(line), after_colon, after_keyword.filter(|names| names.starts_with([' ', '\t']))];
+        std::iter::once(separator).chain(others).flat_map(move |separator| {
+            lists.into_iter().rev().flatten().filter_map(move |names| Self::of(names, separator))
+        })
     }
 
-    fn named(names: &[String]) -> Option<Self> {
-        let plain = |name: &String| {
-            let name = name.split(['[', '(']).next().unwrap_or_default().trim_start_matches('/');
-            name.trim_end_matches("_mm").trim_end_matches("_m").to_owned()
+    /// The names of a line that has x, y and z among them, unless it is a sentence.
+    fn of(line: &str, separator: Option<u8>) -> Option<Self> {
+        let mut names: Vec<String> = match separator {
+            Some(separator) => line.split(char::from(separator)).map(plain_name).collect(),
+            None => with_their_units(line.split_whitespace().map(plain_name)),
         };
-        let plain: Vec<String> = names.iter().map(plain).collect();
-        let find = |known: [&str; 4]| plain.iter().position(|name| known.contains(&name.as_str()));
+        names.truncate(names.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1));
+        if names.iter().any(|name| SENTENCE_WORDS.contains(&name.as_str())) {
+            return None;
+        }
+        let plain: Vec<(&str, Option<LengthUnit>)> = names.iter().map(|name| without_unit(name)).collect();
+        let find = |known: [&str; 5]| plain.iter().position(|(name, _)| known.contains(name));
         let all = |[x, y, z]: [Option<usize>; 3]| Some([x?, y?, z?]);
         let point = all([
-            find(["x", "points:0", "x-coordinate", "pos_x"]),
-            find(["y", "points:1", "y-coordinate", "pos_y"]),
-            find(["z", "points:2", "z-coordinate", "pos_z"]),
+            find(["x", "points:0", "x-coordinate", "x coordinate", "pos_x"]),
+            find(["y", "points:1", "y-coordinate", "y coordinate", "pos_y"]),
+            find(["z", "points:2", "z-coordinate", "z coordinate", "pos_z"]),
         ])?;
         let normal = all([
-            find(["nx", "normals:0", "normal_x", "normalx"]),
-            find(["ny", "normals:1", "normal_y", "normaly"]),
-            find(["nz", "normals:2", "normal_z", "normalz"]),
+            find(["nx", "normals:0", "normal_x", "normalx", "normal x"]),
+            find(["ny", "normals:1", "normal_y", "normaly", "normal y"]),
+            find(["nz", "normals:2", "normal_z", "normalz", "normal z"]),
         ]);
-        Some(Self { point, normal })
+        let units = point.map(|column| plain[column].1);
+        Some(Self { names: names.len(), columns: Columns { point, normal }, units })
     }
+
+    /// The columns and the unit in their names, which must be the same for all three.
+    fn checked(self, line: u64) -> Result<(Columns, Option<LengthUnit>), MeshReadError> {
+        if self.units.iter().any(|unit| *unit != self.units[0]) {
+            let problem = "the columns x, y and z have different units".into();
+            return Err(MeshReadError::BadHeader { format: FORMAT, line, problem });
+        }
+        Ok((self.columns, self.units[0]))
+    }
+}
+
+/// A column's name without quotes and without the slash of `/x`.
+fn plain_name(name: &str) -> String {
+    name.trim_matches(['"', '\'', ' ', '\t', '/']).to_owned()
+}
+
+/// Names that were split at blanks, together with the units that follow them, as in `x (mm) y (mm)`.
+fn with_their_units(words: impl Iterator<Item = String>) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for word in words {
+        match names.last_mut() {
+            Some(name) if word.starts_with(['[', '(']) || (unit_word(&word).is_some() && word.len() > 1) => {
+                *name = format!("{name} {word}");
+            }
+            _ => names.push(word),
+        }
+    }
+    names
+}
+
+/// A column's name and the unit in it, as in `x [mm]`, `x(in)`, `x mm` or `x_m`.
+fn without_unit(name: &str) -> (&str, Option<LengthUnit>) {
+    let (plain, word) = match name.split_once(['[', '(']) {
+        Some((plain, rest)) => (plain, rest.split([']', ')']).next().unwrap_or_default()),
+        None => match name.rsplit_once(['_', ' ']) {
+            Some((plain, word)) if unit_word(word).is_some() || is_inch(word) => (plain, word),
+            _ => return (name, None),
+        },
+    };
+    let word = word.trim();
+    (plain.trim_end(), unit_word(word).or_else(|| is_inch(word).then_some(LengthUnit::Inch)))
 }
 
 impl Dialect {

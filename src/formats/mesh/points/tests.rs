@@ -42,8 +42,56 @@ fn all_usual_forms_of_point_lists_are_read() {
 fn units_above_the_columns_and_in_comments_are_used() {
     let unit = |text: &str| read(text.as_bytes()).unwrap().clues.stated_unit;
     assert_eq!(unit("X [m];Y [m];Z [m]\n1;2;3\n"), Some(LengthUnit::Metre));
+    assert_eq!(unit("x (in),y (in),z (in)\n1,2,3\n"), Some(LengthUnit::Inch));
+    assert_eq!(unit("x_m,y_m,z_m\n1,2,3\n"), Some(LengthUnit::Metre));
+    assert_eq!(unit("X mm,Y mm,Z mm\n1,2,3\n"), Some(LengthUnit::Millimetre));
     assert_eq!(unit("# units: inches\n1 2 3\n"), Some(LengthUnit::Inch));
     assert_eq!(unit("# made with care\n1 2 3\n"), None);
+}
+
+#[test]
+fn names_of_columns_may_have_blanks_and_words_before_them() {
+    for text in [
+        "Point ID,X,Y,Z,Confidence\n7,1,2,3,9\n",
+        "Point ID,X,Y,Z\n7,1,2,3\n",
+        "time stamp;x;y;z;q\n7;1;2;3;9\n",
+        "\"Point ID\"\t\"X\"\t\"Y\"\t\"Z\"\n7\t1\t2\t3\n",
+        "X coordinate,Y coordinate,Z coordinate,Confidence\n1,2,3,9\n",
+        "X mm,Y mm,Z mm,Confidence\n1,2,3,9\n",
+        "X [mm] Y [mm] Z [mm] I\n1 2 3 9\n",
+        "Z Y X\n3 2 1\n",
+        "VERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nDATA ascii\n1 2 3 9\n",
+        "FIELDS intensity x y z\n9 1 2 3\n",
+        "# Columns: x y z quality\n1 2 3 9\n",
+        "# Columns: quality x y z\n9 1 2 3\n",
+        "# Coordinates are x, y, z in mm\n1 2 3\n",
+        "# Coordinates are x, y, z in mm\n1 2 3 9\n",
+        "# Coordinates are x y z in mm\n1 2 3 4 5 6 7\n",
+        "//X,Y,Z\n1,2,3,255,255,255\n",
+        "x,y,z,\n1,2,3,\n",
+        "x,y,z,i\n1,2,3,\n",
+        "x,y,z,i\n1,2,3\n",
+    ] {
+        assert_eq!(points(text), [[1.0, 2.0, 3.0]], "{text:?}");
+    }
+    let part = read(b"# Coordinates are x, y, z in mm\n1 2 3 0 0 1 7\n").unwrap();
+    assert_eq!(part.normals, [Vector3::z()]);
+}
+
+#[test]
+fn names_that_do_not_fit_the_columns_are_refused() {
+    // The last one is as R writes it, with a name for all columns but the first.
+    for text in ["Point ID X Y Z Q\n7 1 2 3\n", "# Point ID X Y Z Q\n7 1 2 3\n", "x y z\n\"7\" 1 2 3\n"] {
+        let error = problem(text);
+        assert!(matches!(error, MeshReadError::BadHeader { line: 1, .. }), "{error}");
+    }
+    assert!(
+        problem("x,y,z\n7,1,2,3\n")
+            .to_string()
+            .contains("3 column names, but the first line of points has 4")
+    );
+    let error = problem("x (mm),y (mm),z (inch)\n1,2,3\n");
+    assert!(error.to_string().contains("different units"), "{error}");
 }
 
 #[test]
@@ -78,7 +126,9 @@ fn lists_without_points_state_what_they_lack() {
 
 #[test]
 fn decimal_commas_between_commas_are_refused_and_between_blanks_are_read() {
-    for text in ["0,5, 0,1, 0,0\n1,5, 0,1, 0,0\n", "x y z\n-0,5, 0,1, 0,0, 7,5\n"] {
+    for text in
+        ["0,5, 0,1, 0,0\n1,5, 0,1, 0,0\n", "x y z\n-0,5, 0,1, 0,0, 7,5\n", "x,y,z\n0,500,-0,100,0,000\n"]
+    {
         let reason = problem(text).reason();
         assert_eq!(reason.code, "mesh-line-invalid");
         assert_eq!(reason.what, "The numbers seem to have decimal commas.");
@@ -87,6 +137,8 @@ fn decimal_commas_between_commas_are_refused_and_between_blanks_are_read() {
     for text in ["0,5 0,1 0,0\n", "0,5;0,1;0,0\n", "0.5, 0.1, 0.0\n", "0.5,0.1,0.0\n"] {
         assert_eq!(points(text), [[0.5, 0.1, 0.0]], "{text:?}");
     }
+    // Whole numbers with a colour.
+    assert_eq!(points("10,20,30,40,50,60\n11,21,31,41,51,61\n"), [[10.0, 20.0, 30.0], [11.0, 21.0, 31.0]]);
     assert_eq!(points("1,2, 3,4, 5,6\n1, 2, 3\n"), [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]);
 }
 
