@@ -80,6 +80,12 @@ impl Names {
     }
 }
 
+/// The values of a statement without a comment after them.
+fn without_comment(values: &[u8]) -> &[u8] {
+    let comment = values.windows(2).position(|pair| pair[0].is_ascii_whitespace() && pair[1] == b'#');
+    comment.map_or(values, |at| &values[..at])
+}
+
 impl Checked {
     /// Checks a file's lines.
     ///
@@ -130,20 +136,22 @@ impl Checked {
     fn statement(&mut self, line: u64, text: &[u8]) -> Result<(), MeshReadError> {
         let keyword_end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
         let (keyword, values) = text.split_at(keyword_end);
+        // Names may contain the sign, numbers do not.
+        let numbers = without_comment(values);
         let bad = |problem| bad_line(line, text, problem);
         match keyword {
             b"v" => {
-                let coordinate = self.triple(keyword, values).map_err(bad)?;
+                let coordinate = self.triple(keyword, numbers).map_err(bad)?;
                 if !coordinate.iter().all(|value| value.is_finite()) {
                     return Err(MeshReadError::NotFinite { vertex: VertexPlace::Obj { line }, coordinate });
                 }
                 self.vertices += 1;
             }
             b"vn" => {
-                self.triple(keyword, values).map_err(bad)?;
+                self.triple(keyword, numbers).map_err(bad)?;
                 self.normals += 1;
             }
-            b"f" | b"fo" => self.face(line, values, &bad)?,
+            b"f" | b"fo" => self.face(line, numbers, &bad)?,
             b"o" => self.objects.begin(values),
             b"g" => self.groups.begin(values),
             b"usemtl" => self.materials.begin(values),

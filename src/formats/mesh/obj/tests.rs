@@ -24,6 +24,15 @@ fn area(part: &PartReading) -> f64 {
 }
 
 #[test]
+fn comments_after_numbers_are_no_numbers() {
+    let text = PLATE.replace("10 10 0", "10 10 0 # the corner 99") + "o lid #2\nf 1 2 3 4 # top\n";
+    let part = read_obj(text).unwrap();
+    assert_eq!((part.facts.triangles, area(&part)), (2, 100.0));
+    assert_eq!(part.facts.bodies, ["lid #2"]);
+    assert!(matches!(plate("f 1 2 # 3\n"), Err(MeshReadError::BadLine { line: 5, .. })));
+}
+
+#[test]
 fn all_forms_of_faces_are_read() {
     let before = "vn 0 0 1\nvt 0 0\n";
     let without_normals = ["f 1 2 3 4", "f 1/1 2/1 3/1 4/1", "f -4 -3 -2 -1"];
