@@ -370,6 +370,13 @@ const CODES: &[Code] = &[
         "Check in the preview that the outlines are right.",
     ]),
     notice([
+        "facet-count-zero",
+        "The STL file states that it has no facets, but has some.",
+        "Some programs write the number of facets into the header last, and do not come to it. The size of the file is exactly that of \
+         a header and whole facets, so all of them were read.",
+        "Check in the preview that the part is complete, or export it again.",
+    ]),
+    notice([
         "facets-coarse",
         "The part's facets, or the points of a scan, leave its surface uncertain under the drawing.",
         "The vertices of a mesh are on the part; between them isomark continues the surface smoothly. Where neighbouring \
@@ -1449,6 +1456,13 @@ const CODES: &[Code] = &[
         "isomark reads STEP files, meshes and scans, but not other formats of CAD programs, such as IGES or their own ones.",
         "Export the part as STEP, GLB, glTF, OBJ, STL, PLY or 3MF, or a scan as PLY or list of points.",
     ]),
+    notice([
+        "part-hidden",
+        "The file hides objects, which were left out.",
+        "An object of a glTF file is hidden by `KHR_node_visibility`, and one of a 3MF file is not printed because of \
+         `printable=\"0\"`. Other programs do not show or print it, so it is not read as part of the product.",
+        "Nothing to do if the laser does not meet it. Otherwise show the object in the program that wrote the file, and export again.",
+    ]),
     reason([
         "part-not-needed",
         "The settings give this part by its sizes, so no file is read for it.",
@@ -2037,6 +2051,13 @@ const CODES: &[Code] = &[
         "A record is missing, of another kind than its use requires, contains itself, or has an invalid number. The message \
          gives the line and the number of the record.",
         "Open the file in FreeCAD and export the body as STEP again, or as GLB.",
+    ]),
+    notice([
+        "step-placement-missing",
+        "Components of the STEP assembly have no placement.",
+        "The file states that the components belong to an assembly, but not where. They are read in the coordinates in which they \
+         were modelled, usually at the origin of the assembly, which may be the wrong place.",
+        "Check in the preview that the components are at their places. If not, export the assembly again.",
     ]),
     reason([
         "still-settling",

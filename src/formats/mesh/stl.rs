@@ -39,6 +39,7 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
         return binary_facets(bytes).map(|_| ());
     }
     let (line, last, _) = last_line(bytes);
+    let last = statements(last).last().copied().unwrap_or_default();
     let ends = words(last).next().is_some_and(|word| word.eq_ignore_ascii_case(b"endsolid"));
     if ends { Ok(()) } else { Err(MeshReadError::CutLine { line, text: beginning(last) }) }
 }
@@ -73,8 +74,19 @@ fn binary_facets(bytes: &[u8]) -> Result<&[[u8; FACET]], MeshReadError> {
             actual: bytes.len() as u64,
         });
     }
-    at_most("triangles", count as usize, MAX_TRIANGLES)?;
-    Ok(&bytes[PREAMBLE..].as_chunks().0[..count as usize])
+    let (facets, rest) = bytes.get(PREAMBLE..).unwrap_or_default().as_chunks();
+    // Data behind the facets could have this size by chance, but are rare; facets that are lost are scrap.
+    if rest.is_empty() && count > 0 && facets.len() > count as usize {
+        let follow = facets.len();
+        let message = format!(
+            "its header states {count} facets, but {follow} follow, so it is unclear where the part ends"
+        );
+        return Err(MeshReadError::Refused { format: MeshFormat::Stl, message });
+    }
+    // Programs that do not know the number of facets in advance leave it at 0.
+    let count = if rest.is_empty() && count == 0 { facets.len() } else { count as usize };
+    at_most("triangles", count, MAX_TRIANGLES)?;
+    Ok(&facets[..count])
 }
 
 /// The corners of all facets, one after the other.
@@ -98,6 +110,10 @@ fn read_binary(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadErro
         header.chars().filter(|letter| !letter.is_control() && *letter != '\u{FFFD}').collect();
     let mut part = RawPart::new(clues(header.trim()));
     let rest = bytes.len() - PREAMBLE - facets.len() * FACET;
+    if count(bytes) == Some(0) && !facets.is_empty() {
+        let text = format!("the header states 0 facets; the {} facets that follow were read", facets.len());
+        part.notices.push(Notice::warning("facet-count-zero", text));
+    }
     if rest > 0 {
         let text = format!("{rest} bytes after the last facet were not read");
         part.notices.push(Notice::note("trailing-bytes", text));
@@ -111,10 +127,39 @@ fn clues(header: &str) -> Clues {
     clues
 }
 
+/// The keywords that begin a statement anywhere in a line.
+const KEYWORDS: [&[u8]; 6] = [b"facet", b"outer", b"vertex", b"endloop", b"endfacet", b"endsolid"];
+
+/// The statements of a line: usually one, but the format separates words by any white space. The name of a solid extends to the end of
+/// its line or to `facet normal`.
+fn statements(line: &[u8]) -> Vec<&[u8]> {
+    let is = |word: &[u8], keyword: &[u8]| word.eq_ignore_ascii_case(keyword);
+    let (mut found, mut start, mut names) = (Vec::new(), 0, false);
+    let mut words = words(line).peekable();
+    while let Some(word) = words.next() {
+        let at = word.as_ptr() as usize - line.as_ptr() as usize;
+        let begins = match names {
+            true => is(word, b"facet") && words.peek().is_some_and(|next| is(next, b"normal")),
+            false => KEYWORDS.iter().any(|keyword| is(word, keyword)),
+        };
+        if at > 0 && begins {
+            found.push(line[start..at].trim_ascii());
+            start = at;
+        }
+        if at == start {
+            names = is(word, b"solid") || is(word, b"endsolid");
+        }
+    }
+    found.push(line[start..].trim_ascii());
+    found
+}
+
 fn read_text(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadError> {
     is_whole(bytes)?;
     let (mut positions, mut in_facet, mut names) = (Vec::new(), 0, Vec::new());
-    for (line, text) in lines(without_mark(bytes)) {
+    let lines = lines(without_mark(bytes));
+    let all = lines.flat_map(|(line, text)| statements(text).into_iter().map(move |text| (line, text)));
+    for (line, text) in all {
         let mut words = words(text);
         let Some(keyword) = words.next() else { continue };
         match keyword.to_ascii_lowercase().as_slice() {
@@ -192,6 +237,41 @@ mod tests {
         }
         let capitals = text().to_uppercase().replace('\n', "\r\n");
         assert_eq!(read(capitals.as_bytes()).unwrap().triangles.len(), 4);
+    }
+
+    #[test]
+    fn facets_that_the_header_does_not_count_are_never_lost() {
+        let counted = |count: u32| {
+            let mut bytes = binary("x");
+            bytes[80..84].copy_from_slice(&count.to_le_bytes());
+            bytes
+        };
+        let part = read(&counted(0)).unwrap();
+        assert_eq!(part.triangles.len(), 4);
+        assert_eq!(part.notices[0].code, "facet-count-zero");
+        for count in 1..4 {
+            let error = read(&counted(count)).map(|part| part.triangles.len()).unwrap_err();
+            assert!(matches!(error, MeshReadError::Refused { .. }), "{error}");
+            assert!(error.to_string().contains(&format!("{count} facets, but 4 follow")), "{error}");
+        }
+        assert!(read(&counted(4)).unwrap().notices.is_empty());
+        let appended = read(&[&counted(4)[..], b"colours"].concat()).unwrap();
+        assert_eq!((appended.triangles.len(), &*appended.notices[0].code), (4, "trailing-bytes"));
+    }
+
+    #[test]
+    fn a_text_without_line_breaks_is_read() {
+        let name = "outer vertex endsolid facet";
+        let wrapped = text().replace("Cone of mine", name);
+        let one_line = wrapped.split_whitespace().collect::<Vec<_>>().join(" ");
+        for text in [wrapped, one_line.clone(), format!("{one_line}\n"), one_line.to_uppercase()] {
+            let part = read(text.as_bytes()).unwrap();
+            assert_eq!((part.positions.len(), part.triangles.len()), (4, 4), "{text}");
+            assert!(part.bodies[0].eq_ignore_ascii_case(name), "{:?}", part.bodies);
+            assert!(is_whole(text.as_bytes()).is_ok());
+        }
+        let cut = &one_line[..one_line.rfind(" endsolid").unwrap() - 20];
+        assert!(matches!(read(cut.as_bytes()), Err(MeshReadError::CutLine { .. })));
     }
 
     #[test]
