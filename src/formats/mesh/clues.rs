@@ -19,6 +19,9 @@ const PLAUSIBLE_SIZE: std::ops::RangeInclusive<f64> = 1.0..=2000.0;
 /// Length above which a notice mentions build123d's unit option, mm: ten times the size of a usual product.
 const WORTH_A_LOOK: f64 = 500.0;
 
+/// What isomark's own workbench calls itself, which converts parts of any size to metres (`plugins/freecad`).
+const FREECAD_WORKBENCH: &str = "isomark workbench for FreeCAD";
+
 /// What the file contains besides its coordinates.
 #[derive(Debug, Clone)]
 pub(super) struct Clues {
@@ -27,6 +30,8 @@ pub(super) struct Clues {
     pub(super) producer: Option<String>,
     /// The unit that the file's comments state.
     pub(super) stated_unit: Option<LengthUnit>,
+    /// The unit that the file states instead, if it is none that parts can have; the numbers are converted.
+    pub(super) converted: Option<String>,
     pub(super) root_turn: RootTurn,
     pub(super) zeros: NormalZeros,
 }
@@ -85,7 +90,7 @@ enum Footing {
 impl Clues {
     pub(super) fn new(format: MeshFormat, producer: Option<String>) -> Self {
         let zeros = NormalZeros::default();
-        Self { format, producer, stated_unit: None, root_turn: RootTurn::Other, zeros }
+        Self { format, producer, stated_unit: None, converted: None, root_turn: RootTurn::Other, zeros }
     }
 
     pub(super) fn is_open_cascade(&self) -> bool {
@@ -166,10 +171,20 @@ impl Clues {
             )
         };
         if matches!(self.format, MeshFormat::Gltf | MeshFormat::Glb) {
+            if self.producer_contains(FREECAD_WORKBENCH) {
+                return (
+                    Decision::new(Metre, "isomark's workbench for FreeCAD writes metres"),
+                    Footing::Certain,
+                );
+            }
             return match diagonal > LONGEST_IN_METRES {
                 true => (Decision::new(Millimetre, too_long()), Footing::Guess),
                 false => (Decision::new(Metre, "the glTF standard uses metres"), Footing::Certain),
             };
+        }
+        if let (Some(unit), Some(stated)) = (self.stated_unit, &self.converted) {
+            let why = format!("the {} file states {stated}, and its numbers are converted", self.format);
+            return (Decision::new(unit, why), Footing::Certain);
         }
         if let Some(unit) = self.stated_unit.filter(|_| self.format == MeshFormat::ThreeMf) {
             return (Decision::new(unit, "the 3MF file states it"), Footing::Certain);

@@ -33,6 +33,14 @@ fn the_standard_applies_unless_the_size_contradicts_it() {
 }
 
 #[test]
+fn long_parts_of_the_freecad_workbench_are_in_metres() {
+    let source = include_str!("../../../../plugins/freecad/freecad/Isomark/part.py");
+    assert!(source.contains(&format!("\"{FREECAD_WORKBENCH}\"")));
+    let workbench = clues(Glb, FREECAD_WORKBENCH);
+    assert_eq!(decided(&workbench, &corners([0.06, 6.0, 0.06])), (Metre, Y, [Note, Note]));
+}
+
+#[test]
 fn blender_files_of_an_imported_z_up_obj_are_set_upright() {
     let mut blender = clues(Glb, "Khronos glTF Blender I/O v5.2.41");
     blender.root_turn = RootTurn::UpToFront;
