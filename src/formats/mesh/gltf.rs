@@ -21,6 +21,7 @@ use super::{Buffer, MeshFormat, MeshReadError, NamedFiles, RawPart};
 mod accessor;
 mod draco;
 mod meshopt;
+mod pose;
 mod repair;
 mod scene;
 
@@ -147,6 +148,8 @@ fn parse(json: &[u8]) -> Result<(Root, Vec<Notice>), MeshReadError> {
     let is_read = |name: &str| {
         name == accessor::QUANTIZATION
             || name == draco::NAME
+            || name == pose::INSTANCING
+            || name == scene::VISIBILITY
             || meshopt::NAMES.contains(&name)
             || repair::is_looks_only(name)
     };

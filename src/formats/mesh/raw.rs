@@ -262,6 +262,19 @@ pub(super) fn bounds_ink(name: &str) -> bool {
     name.trim() == MARK
 }
 
+/// The notice about objects that the file hides, and which are left out.
+pub(super) fn hidden_notice(count: usize) -> Option<Notice> {
+    (count > 0).then(|| {
+        let objects =
+            if count == 1 { "1 object that the file hides is" } else { "objects that the file hides are" };
+        let number = if count == 1 { String::new() } else { format!("{count} ") };
+        let message = format!(
+            "{number}{objects} left out; if the laser meets it, show it in the program and export again"
+        );
+        Notice::warning("part-hidden", message)
+    })
+}
+
 /// Whether the names differ at most in case, in spaces around them, and in the number that Blender adds to the name of a
 /// copy (`.001`).
 pub(super) fn is_nearly(name: &str, documented: &str) -> bool {

@@ -15,7 +15,7 @@ use quick_xml::{Reader, XmlVersion};
 use super::clues::Clues;
 use super::error::{EmptyCause, VertexPlace};
 use super::package::{Package, damaged, entry_name};
-use super::raw::{MAX_TRIANGLES, QUICK_TRIANGLES, RawPart, at_most, bounds_ink, check_pace};
+use super::raw::{MAX_TRIANGLES, QUICK_TRIANGLES, RawPart, at_most, bounds_ink, check_pace, hidden_notice};
 use super::{LengthUnit, MeshFormat, MeshReadError, normals};
 use crate::formats::Pace;
 use crate::reason::Notice;
@@ -264,6 +264,8 @@ struct Models {
     materials: BTreeMap<(String, u32), Vec<String>>,
     used_materials: BTreeSet<(String, u32, u32)>,
     skipped: BTreeMap<&'static str, usize>,
+    /// Build items that are not printed.
+    hidden: usize,
     triangles: usize,
 }
 
@@ -292,9 +294,14 @@ impl Models {
         let (unit, scale) = unit_of(self.unit.as_deref(), root)?;
         let mut clues = Clues::new(MeshFormat::ThreeMf, self.producer.take());
         clues.stated_unit = Some(unit);
+        clues.converted =
+            self.unit.as_ref().filter(|_| scale != 1.0).map(|stated| format!("the unit {stated}"));
         let mut part = RawPart::new(clues);
         let mut build = std::mem::take(&mut self.build);
-        if build.is_empty() {
+        if self.hidden > 0 {
+            self.skipped.insert("hidden object", self.hidden);
+            part.notices.extend(hidden_notice(self.hidden));
+        } else if build.is_empty() {
             build = self.all_objects(root);
             if !build.is_empty() {
                 let text = "the 3MF file has no build items; all its objects are read";
@@ -444,7 +451,12 @@ impl Model<'_> {
             ("item", None) if self.is_root => {
                 let placed = self.placed(element)?;
                 at_most("build items", self.models.build.len() + 1, MAX_PLACED)?;
-                self.models.build.push(placed);
+                let printable = attribute(element, "printable")?;
+                if matches!(printable.as_deref().map(str::trim), Some("0" | "false")) {
+                    self.models.hidden += 1;
+                } else {
+                    self.models.build.push(placed);
+                }
             }
             ("model", None) => self.model(element)?,
             ("basematerials", None) => self.group = whole_number(element, "id")?,

@@ -58,6 +58,55 @@ impl Data<'_> {
         }
     }
 
+    /// Quadruples of floats between -1 and 1, such as quaternions and weights, also as whole numbers that stand for them.
+    pub(super) fn quadruples(
+        &self,
+        index: Index<Accessor>,
+        item: &dyn Fn() -> String,
+    ) -> Result<Vec<[f32; 4]>, MeshReadError> {
+        let kind = self.kind(index, item)?;
+        let (Some(component), Some(Type::Vec4)) = kind else {
+            return Err(wrong_data(item, "four 32-bit floats", kind));
+        };
+        let scaled = |value: f32| (value / largest(component)).max(-1.0);
+        match component {
+            ComponentType::F32 => self.values(index, item),
+            ComponentType::I8 => self.values::<[i8; 4]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::U8 => self.values::<[u8; 4]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::I16 => self.values::<[i16; 4]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::U16 => self.values::<[u16; 4]>(index, item).map(|all| floats(all, scaled)),
+            ComponentType::U32 => Err(wrong_data(item, "four 32-bit floats", kind)),
+        }
+    }
+
+    /// Quadruples of numbers of joints.
+    pub(super) fn joints(
+        &self,
+        index: Index<Accessor>,
+        item: &dyn Fn() -> String,
+    ) -> Result<Vec<[u16; 4]>, MeshReadError> {
+        match self.kind(index, item)? {
+            (Some(ComponentType::U8), Some(Type::Vec4)) => {
+                let narrow = self.values::<[u8; 4]>(index, item)?;
+                Ok(narrow.into_iter().map(|joints| joints.map(u16::from)).collect())
+            }
+            (Some(ComponentType::U16), Some(Type::Vec4)) => self.values(index, item),
+            kind => Err(wrong_data(item, "four unsigned whole numbers of 8 or 16 bits", kind)),
+        }
+    }
+
+    /// Matrices by their columns.
+    pub(super) fn matrices(
+        &self,
+        index: Index<Accessor>,
+        item: &dyn Fn() -> String,
+    ) -> Result<Vec<[[f32; 4]; 4]>, MeshReadError> {
+        match self.kind(index, item)? {
+            (Some(ComponentType::F32), Some(Type::Mat4)) => self.values(index, item),
+            kind => Err(wrong_data(item, "4 x 4 matrices of 32-bit floats", kind)),
+        }
+    }
+
     /// Unsigned whole numbers, such as vertex indices.
     pub(super) fn indices(
         &self,
@@ -235,8 +284,11 @@ fn largest(component: ComponentType) -> f32 {
     }
 }
 
-fn floats<T: Into<f32> + Copy>(all: Vec<[T; 3]>, scaled: impl Fn(f32) -> f32) -> Vec<[f32; 3]> {
-    all.into_iter().map(|triple| triple.map(|value| scaled(value.into()))).collect()
+fn floats<T: Into<f32> + Copy, const N: usize>(
+    all: Vec<[T; N]>,
+    scaled: impl Fn(f32) -> f32,
+) -> Vec<[f32; N]> {
+    all.into_iter().map(|values| values.map(|value| scaled(value.into()))).collect()
 }
 
 fn widened<T: Into<u32>>(narrow: Vec<T>) -> Vec<u32> {

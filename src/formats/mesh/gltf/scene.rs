@@ -8,12 +8,12 @@ use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked;
 use ::gltf::json::{Index, Mesh, Node, Root};
 use ::gltf::scene::Transform;
-use nalgebra::{Matrix3, Matrix4, Point3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use crate::formats::Pace;
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
-use crate::formats::mesh::raw::{FrameNode, bounds_ink, is_nearly};
+use crate::formats::mesh::raw::{FrameNode, bounds_ink, hidden_notice, is_nearly};
 use crate::formats::mesh::{
     MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, QUICK_TRIANGLES, RawPart, at_most, check_pace,
     normals,
@@ -21,6 +21,7 @@ use crate::formats::mesh::{
 
 use super::accessor::Data;
 use super::draco::{self, Decoded};
+use super::pose::{self, Influences, Pose, composed, unit};
 
 /// Largest number of triangles in a small file: any number of nodes can share a mesh, and any number of primitives can
 /// share an accessor.
@@ -30,6 +31,10 @@ const MAX_COPIES: usize = 2_000_000;
 const BYTES_OF_TRIANGLE: usize = 6;
 /// Bytes that a vertex takes in the file: three floats.
 const BYTES_OF_VERTEX: usize = 12;
+/// Largest number of instances in a file.
+const MAX_INSTANCES: usize = 1_000_000;
+/// The extension that hides objects.
+pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 /// The name of the node that is the marking frame.
 const FRAME: &str = "isomark";
 
@@ -51,6 +56,7 @@ pub(super) fn read(
         has_normals: false,
         noted_triangles: 0,
         pace,
+        instances: 0,
         max_triangles: capacity(bytes, BYTES_OF_TRIANGLE, MAX_COPIES).min(MAX_TRIANGLES),
         max_vertices: capacity(bytes, BYTES_OF_VERTEX, 3 * MAX_COPIES / 2).min(3 * MAX_TRIANGLES),
     };
@@ -73,6 +79,7 @@ struct Walk<'a> {
     /// Number of triangles for which it is known whether they are named `mark`.
     noted_triangles: usize,
     pace: Pace,
+    instances: usize,
     max_triangles: usize,
     max_vertices: usize,
 }
@@ -131,10 +138,11 @@ impl Walk<'_> {
 
     fn nodes(&mut self, roots: Vec<usize>) -> Result<(), MeshReadError> {
         let nodes = &self.root.nodes;
-        let mut reached = vec![false; nodes.len()];
-        let mut waiting: Vec<(usize, Matrix4<f64>)> =
-            roots.into_iter().rev().map(|node| (node, Matrix4::identity())).collect();
-        while let Some((number, above)) = waiting.pop() {
+        let mut transforms: Vec<Option<Matrix4<f64>>> = vec![None; nodes.len()];
+        let mut reached = Vec::new();
+        let mut waiting: Vec<(usize, Matrix4<f64>, bool)> =
+            roots.into_iter().rev().map(|node| (node, Matrix4::identity(), false)).collect();
+        while let Some((number, above, is_hidden)) = waiting.pop() {
             let node = nodes.get(number).zip(self.transform(number));
             let (node, own_transform) = node.ok_or_else(|| MeshReadError::BrokenReference {
                 item: "the node tree".into(),
@@ -142,37 +150,50 @@ impl Walk<'_> {
                 index: number,
                 count: nodes.len(),
             })?;
+            let transform = above * matrix_of(&own_transform);
             // In a tree every node is reached once; this also ends the walk on cycles.
-            if std::mem::replace(&mut reached[number], true) {
+            if transforms[number].replace(transform).is_some() {
                 return Err(MeshReadError::NodeTwice { node: node_name(node, number) });
             }
-            let transform = above * matrix_of(&own_transform);
             if !transform.iter().all(|entry| entry.is_finite()) {
                 return Err(MeshReadError::BadTransform { node: node_name(node, number) });
             }
-            self.node(node, number, &transform)?;
-            waiting
-                .extend(children(node).collect::<Vec<_>>().into_iter().rev().map(|child| (child, transform)));
+            let is_hidden = is_hidden || hides(node);
+            reached.push((number, transform, is_hidden));
+            let children = children(node).collect::<Vec<_>>().into_iter().rev();
+            waiting.extend(children.map(|child| (child, transform, is_hidden)));
         }
+        // Joints of a skin can be anywhere in the tree.
+        let mut hidden = 0;
+        for (number, transform, is_hidden) in reached {
+            hidden += usize::from(is_hidden && nodes[number].mesh.is_some());
+            self.node(&nodes[number], number, &transform, &transforms, is_hidden)?;
+        }
+        self.skip("hidden object", hidden);
+        self.part.notices.extend(hidden_notice(hidden));
         let unreached =
-            nodes.iter().zip(&reached).filter(|(node, reached)| node.mesh.is_some() && !**reached);
+            nodes.iter().zip(&transforms).filter(|(node, reached)| node.mesh.is_some() && reached.is_none());
         self.skip("object outside the default scene", unreached.count());
         Ok(())
     }
 
-    fn node(&mut self, node: &Node, number: usize, transform: &Matrix4<f64>) -> Result<(), MeshReadError> {
+    fn node(
+        &mut self,
+        node: &Node,
+        number: usize,
+        transform: &Matrix4<f64>,
+        transforms: &[Option<Matrix4<f64>>],
+        is_hidden: bool,
+    ) -> Result<(), MeshReadError> {
         self.skip("camera", usize::from(node.camera.is_some()));
-        self.skip("skin (the part is read without its pose)", usize::from(node.skin.is_some()));
         if let Some(extensions) = &node.extensions {
             self.skip("light", usize::from(extensions.others.contains_key("KHR_lights_punctual")));
-            let instanced = extensions.others.contains_key("EXT_mesh_gpu_instancing");
-            self.skip("set of instances (only the first one is read)", usize::from(instanced));
         }
         if is_frame(node) {
             let is_exact = node.name.as_deref() == Some(FRAME);
             self.part.frames.push(FrameNode { is_exact, transform: *transform });
         }
-        let Some(mesh_index) = node.mesh else { return Ok(()) };
+        let Some(mesh_index) = node.mesh.filter(|_| !is_hidden) else { return Ok(()) };
         let meshes = &self.root.meshes;
         let mesh = meshes.get(mesh_index.value()).ok_or_else(|| MeshReadError::BrokenReference {
             item: node_name(node, number),
@@ -183,14 +204,46 @@ impl Walk<'_> {
         let mesh_name = name_of_mesh(mesh, mesh_index);
         let before = self.part.triangles.len();
         let is_mark = [node.name.as_deref(), mesh.name.as_deref()].into_iter().flatten().any(bounds_ink);
+        let pose = self.pose(node, number, transform, transforms)?;
+        let weights = node.weights.as_deref().or(mesh.weights.as_deref()).unwrap_or_default();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            self.primitive(primitive, &mesh_name, number, transform)?;
+            self.primitive(primitive, &mesh_name, number, weights, &pose)?;
             self.bound_ink(is_mark || self.is_mark_material(primitive));
         }
         if self.part.triangles.len() > before {
             self.part.bodies.push(node.name.clone().unwrap_or(mesh_name));
         }
         Ok(())
+    }
+
+    /// How the vertices of a node's mesh get to their places.
+    fn pose(
+        &mut self,
+        node: &Node,
+        number: usize,
+        transform: &Matrix4<f64>,
+        transforms: &[Option<Matrix4<f64>>],
+    ) -> Result<Pose, MeshReadError> {
+        if let Some(index) = node.skin {
+            let skins = &self.root.skins;
+            let skin = skins.get(index.value()).ok_or_else(|| MeshReadError::BrokenReference {
+                item: node_name(node, number),
+                kind: "skin",
+                index: index.value(),
+                count: skins.len(),
+            })?;
+            // The joints alone place the mesh; its node's own transform has no effect.
+            return pose::joints(&self.data, skin, index.value(), transforms).map(Pose::Joints);
+        }
+        let item = |what: &str| format!("{}, {what}", node_name(node, number));
+        let instances = pose::instances(&self.data, node, &item)?.unwrap_or(vec![Matrix4::identity()]);
+        self.instances += instances.len();
+        at_most("instances", self.instances, MAX_INSTANCES)?;
+        let copies: Vec<Matrix4<f64>> = instances.iter().map(|instance| transform * instance).collect();
+        match copies.iter().flatten().all(|entry| entry.is_finite()) {
+            true => Ok(Pose::Copies(copies)),
+            false => Err(MeshReadError::BadTransform { node: item("an instance") }),
+        }
     }
 
     fn is_mark_material(&self, primitive: &Primitive) -> bool {
@@ -213,7 +266,8 @@ impl Walk<'_> {
         primitive: &Primitive,
         mesh: &str,
         number: usize,
-        transform: &Matrix4<f64>,
+        weights: &[f32],
+        pose: &Pose,
     ) -> Result<(), MeshReadError> {
         let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         let item = |what: &str| format!("mesh \"{mesh}\", primitive {number}, {what}");
@@ -225,10 +279,16 @@ impl Walk<'_> {
             self.skip("primitive without positions", 1);
             return Ok(());
         };
-        self.skip("set of morph targets", usize::from(primitive.targets.is_some()));
 
         let decoded = self.decoded(primitive, &|| item("Draco data"))?;
-        let (positions, normals, indices) = match decoded {
+        let is_moved = matches!(pose, Pose::Joints(_)) || weights.iter().any(|weight| *weight != 0.0);
+        if decoded.is_some() && is_moved && (primitive.targets.is_some() || matches!(pose, Pose::Joints(_))) {
+            // The order of the vertices is not that of the other data.
+            let problem =
+                "they have a skin or morph targets, which are not read together with compression".into();
+            return Err(MeshReadError::Compressed { item: item("Draco data"), problem });
+        }
+        let (mut positions, mut normals, indices) = match decoded {
             Some(Decoded { positions, normals, indices }) => (positions, normals, Some(indices)),
             None => {
                 let normals = attribute(Semantic::Normals);
@@ -238,25 +298,16 @@ impl Walk<'_> {
                 (positions, normals, None)
             }
         };
-        let first_vertex = self.part.positions.len();
+        let is_morphed = pose::morph(&self.data, primitive, weights, &mut positions, &mut normals, &item)?;
+        self.skip("set of morph targets", usize::from(primitive.targets.is_some() && !is_morphed));
         let place = |vertex| VertexPlace::Gltf { mesh: mesh.into(), primitive: number, vertex };
-        // Vertices of all instances are numbered consecutively, and every index must fit.
-        let vertices = first_vertex + positions.len();
-        at_most("vertices", vertices, self.max_vertices)?;
-        check_pace(self.pace, vertices, 3 * QUICK_TRIANGLES)?;
-        let (linear, shift) =
-            (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3));
         for (vertex, position) in positions.iter().enumerate() {
-            let own = Vector3::from(position.map(f64::from));
-            if !own.iter().all(|coordinate| coordinate.is_finite()) {
-                return Err(MeshReadError::NotFinite { vertex: place(vertex), coordinate: own.into() });
+            if !position.iter().all(|coordinate| coordinate.is_finite()) {
+                let coordinate = position.map(f64::from);
+                return Err(MeshReadError::NotFinite { vertex: place(vertex), coordinate });
             }
-            self.part.positions.push(Point3::from(linear * own + shift));
         }
-        self.normals(normals, &linear, positions.len());
 
-        let first = first_vertex as u32;
-        let is_mirrored = linear.determinant() < 0.0;
         // Draco data are a list of triangles, whichever mode the primitive has.
         let mode = if indices.is_some() { Checked::Valid(Mode::Triangles) } else { primitive.mode };
         let sequence = match (indices, primitive.indices) {
@@ -273,18 +324,60 @@ impl Walk<'_> {
                 count: positions.len(),
             });
         }
-        let is_list = matches!(mode, Checked::Valid(Mode::Triangles));
-        let wanted = self.part.triangles.len() + sequence.len() / if is_list { 3 } else { 1 };
-        at_most("triangles", wanted, self.max_triangles)?;
-        check_pace(self.pace, wanted, QUICK_TRIANGLES)?;
-        expand(mode, &sequence, |[a, b, c]| {
-            let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
-            self.part.triangles.push(corners.map(|index| first + index));
-        });
-        if is_list && sequence.len() % 3 != 0 {
+        let shape = Decoded { positions, normals, indices: sequence };
+        match pose {
+            Pose::Copies(copies) => {
+                for copy in copies {
+                    let (linear, shift) = parts(copy);
+                    // A transform that flattens the object leaves no normals; they are estimated later.
+                    let turn = linear.try_inverse().map(|inverse| inverse.transpose());
+                    self.place(&shape, mode, linear.determinant() < 0.0, &|_| (linear, shift), &|_| turn)?;
+                }
+            }
+            Pose::Joints(joints) => {
+                let vertices = shape.positions.len();
+                let influences = Influences::of(&self.data, primitive, vertices, joints.len(), &item)?;
+                let at = |vertex: usize| parts(&influences.matrix(vertex, joints));
+                let turn = |vertex: usize| at(vertex).0.try_inverse().map(|inverse| inverse.transpose());
+                let mirrored = (0..vertices).filter(|vertex| at(*vertex).0.determinant() < 0.0).count();
+                self.place(&shape, mode, 2 * mirrored > vertices, &at, &turn)?;
+            }
+        }
+        if matches!(mode, Checked::Valid(Mode::Triangles)) && !shape.indices.len().is_multiple_of(3) {
             self.skip("triangle without a third corner", 1);
         }
         self.note_material(primitive);
+        Ok(())
+    }
+
+    /// Adds a shape; `at` moves each of its vertices, and `turn` its normal.
+    fn place(
+        &mut self,
+        shape: &Decoded,
+        mode: Checked<Mode>,
+        is_mirrored: bool,
+        at: &dyn Fn(usize) -> (Matrix3<f64>, Vector3<f64>),
+        turn: &dyn Fn(usize) -> Option<Matrix3<f64>>,
+    ) -> Result<(), MeshReadError> {
+        let first_vertex = self.part.positions.len();
+        // Vertices of all instances are numbered consecutively, and every index must fit.
+        let vertices = first_vertex + shape.positions.len();
+        at_most("vertices", vertices, self.max_vertices)?;
+        check_pace(self.pace, vertices, 3 * QUICK_TRIANGLES)?;
+        let is_list = matches!(mode, Checked::Valid(Mode::Triangles));
+        let wanted = self.part.triangles.len() + shape.indices.len() / if is_list { 3 } else { 1 };
+        at_most("triangles", wanted, self.max_triangles)?;
+        check_pace(self.pace, wanted, QUICK_TRIANGLES)?;
+        for (vertex, position) in shape.positions.iter().enumerate() {
+            let (linear, shift) = at(vertex);
+            self.part.positions.push(Point3::from(linear * Vector3::from(position.map(f64::from)) + shift));
+        }
+        self.normals(shape.normals.as_deref(), turn, shape.positions.len());
+        let first = first_vertex as u32;
+        expand(mode, &shape.indices, |[a, b, c]| {
+            let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
+            self.part.triangles.push(corners.map(|index| first + index));
+        });
         Ok(())
     }
 
@@ -303,17 +396,20 @@ impl Walk<'_> {
         draco::decode(self.data.view(Index::new(view), item)?, extension, item).map(Some)
     }
 
-    /// Adds a primitive's normals, or as many zero vectors if it has none.
-    fn normals(&mut self, normals: Option<Vec<[f32; 3]>>, linear: &Matrix3<f64>, vertices: usize) {
+    /// Adds a shape's normals, turned by `turn`, or as many zero vectors if it has none.
+    fn normals(
+        &mut self,
+        normals: Option<&[[f32; 3]]>,
+        turn: &dyn Fn(usize) -> Option<Matrix3<f64>>,
+        vertices: usize,
+    ) {
         let wanted = self.part.normals.len() + vertices;
         if let Some(normals) = normals {
             if self.part.clues.is_open_cascade() {
                 normals.iter().for_each(|&normal| self.part.clues.zeros.count(normal));
             }
-            // A transform that flattens the object leaves no normals; they are estimated later.
-            let turn = linear.try_inverse().map(|inverse| inverse.transpose());
-            let turned = normals.iter().take(vertices).map(|normal| {
-                turn.map_or(Vector3::zeros(), |turn| turn * Vector3::from(normal.map(f64::from)))
+            let turned = normals.iter().take(vertices).enumerate().map(|(vertex, normal)| {
+                turn(vertex).map_or(Vector3::zeros(), |turn| turn * Vector3::from(normal.map(f64::from)))
             });
             self.part.normals.extend(turned);
             self.has_normals = true;
@@ -380,6 +476,17 @@ pub(super) fn is_frame(node: &Node) -> bool {
     node.mesh.is_none() && node.name.as_deref().is_some_and(|name| is_nearly(name, FRAME))
 }
 
+/// Whether the node hides itself and everything below it.
+fn hides(node: &Node) -> bool {
+    let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get(VISIBILITY));
+    extension.is_some_and(|extension| extension["visible"] == false)
+}
+
+/// The linear part of an affine transform, and its shift.
+fn parts(transform: &Matrix4<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+    (transform.fixed_view::<3, 3>(0, 0).into_owned(), transform.fixed_view::<3, 1>(0, 3).into_owned())
+}
+
 /// What the primitive is, unless it is a surface.
 fn no_surface(primitive: &Primitive) -> Option<&'static str> {
     match primitive.mode {
@@ -424,19 +531,8 @@ fn name_of_mesh(mesh: &Mesh, index: Index<Mesh>) -> String {
 fn matrix_of(transform: &Transform) -> Matrix4<f64> {
     match transform {
         Transform::Matrix { matrix } => Matrix4::from(matrix.map(|column| column.map(f64::from))),
-        Transform::Decomposed { translation, rotation, scale } => {
-            let scale = Matrix3::from_diagonal(&Vector3::from(scale.map(f64::from)));
-            let turn =
-                unit(*rotation).map_or(Matrix3::identity(), |turn| turn.to_rotation_matrix().into_inner());
-            (turn * scale).to_homogeneous().append_translation(&Vector3::from(translation.map(f64::from)))
-        }
+        Transform::Decomposed { translation, rotation, scale } => composed(*translation, *rotation, *scale),
     }
-}
-
-/// The quaternion, rounded to seven digits in the file, with exact unit length again; `None` for length zero.
-fn unit(quaternion: [f32; 4]) -> Option<UnitQuaternion<f64>> {
-    let [x, y, z, w] = quaternion.map(f64::from);
-    UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6)
 }
 
 /// The quarter turn about X, to within 1e-5 rad, of a transform without scale.

@@ -138,6 +138,21 @@ fn units_names_materials_and_supports_are_read() {
 }
 
 #[test]
+fn items_that_are_not_printed_are_left_out_with_a_notice() {
+    let read =
+        |items: &str| read_part(&package(&model("", &format!("<object id='1'>{MESH}</object>"), items)));
+    let far = "transform='1 0 0 0 1 0 0 0 1 500 0 0'";
+    let shown = read("<item objectid='1' printable='1'/>").unwrap();
+    let part = read(&format!("<item objectid='1'/><item objectid='1' printable='0' {far}/>")).unwrap();
+    assert_eq!((part.facts.size, part.facts.triangles), (shown.facts.size, shown.facts.triangles));
+    assert!(part.facts.notices.iter().any(|notice| notice.code == "part-hidden"));
+    assert!(shown.facts.notices.iter().all(|notice| notice.code != "part-hidden"));
+    let none = read("<item objectid='1' printable='0'/>");
+    let cause = EmptyCause::OnlyOthers(vec!["1 x hidden object".into()]);
+    assert_eq!(none, Err(MeshReadError::NoTriangles { cause }));
+}
+
+#[test]
 fn components_in_other_models_of_the_package_are_read() {
     let root = model(
         "xmlns:p='http://schemas.microsoft.com/3dmanufacturing/production/2015/06' requiredextensions='p'",
