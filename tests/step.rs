@@ -154,6 +154,64 @@ fn products_in_products_are_placed() {
     assert!(seen.iter().all(|nodes| *nodes > 1000), "{seen:?}");
 }
 
+/// The can as the only component of an assembly, whose representation contains these items, with these further records.
+fn can_in_assembly(items: &str, records: &str) -> PartReading {
+    let can = text("can/part.step");
+    let assembly = format!(
+        "#80001=PRODUCT('ASM','ASM','',(#8));#80002=PRODUCT_DEFINITION_FORMATION('','',#80001);\
+         #80003=PRODUCT_DEFINITION('design','',#80002,#9);#80004=PRODUCT_DEFINITION_SHAPE('','',#80003);\
+         #80005=SHAPE_DEFINITION_REPRESENTATION(#80004,#80006);#80006=SHAPE_REPRESENTATION('',(#80010{items}),#219);\
+         #80010=AXIS2_PLACEMENT_3D('',#80011,$,$);#80011=CARTESIAN_POINT('',(0.,0.,0.));\
+         #80022=AXIS2_PLACEMENT_3D('',#80023,$,$);#80023=CARTESIAN_POINT('',(200.,10.,5.));\
+         #80030=NEXT_ASSEMBLY_USAGE_OCCURRENCE('1','','',#80003,#5,$);{records}"
+    );
+    let end = can.rfind("ENDSEC;").unwrap();
+    read(format!("{}{assembly}{}", &can[..end], &can[end..]).as_bytes()).unwrap()
+}
+
+#[test]
+fn a_component_that_its_assembly_maps_is_there_once() {
+    let alone = part("can/part.step").facts;
+    let bounds = |reading: &PartReading| reading.shape.mesh().unwrap().bounds();
+    let (min, _) = bounds(&part("can/part.step"));
+    let maps = "#80020=MAPPED_ITEM('',#80021,#80022);#80021=REPRESENTATION_MAP(#80010,#10);";
+    let placed = "#80040=CONTEXT_DEPENDENT_SHAPE_REPRESENTATION(#80041,#80044);\
+                  #80041=(REPRESENTATION_RELATIONSHIP('','',#10,#80006)\
+                  REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION(#80042)SHAPE_REPRESENTATION_RELATIONSHIP());\
+                  #80042=ITEM_DEFINED_TRANSFORMATION('','',#80010,#80022);\
+                  #80044=PRODUCT_DEFINITION_SHAPE('','',#80030);";
+    // The assembly in another one, which maps it in turn.
+    let nested = "#81001=PRODUCT('TOP','TOP','',(#8));#81002=PRODUCT_DEFINITION_FORMATION('','',#81001);\
+                  #81003=PRODUCT_DEFINITION('design','',#81002,#9);#81004=PRODUCT_DEFINITION_SHAPE('','',#81003);\
+                  #81005=SHAPE_DEFINITION_REPRESENTATION(#81004,#81006);\
+                  #81006=SHAPE_REPRESENTATION('',(#80010,#81020),#219);#81020=MAPPED_ITEM('',#81021,#80010);\
+                  #81021=REPRESENTATION_MAP(#80010,#80006);\
+                  #81030=NEXT_ASSEMBLY_USAGE_OCCURRENCE('1','','',#81003,#80003,$);";
+    for (items, records, shift) in [
+        (",#80020", maps.to_owned(), [200.0, 10.0, 5.0]),
+        (",#80020", format!("{maps}{nested}"), [200.0, 10.0, 5.0]),
+        ("", placed.to_owned(), [200.0, 10.0, 5.0]),
+        ("", String::new(), [0.0; 3]),
+    ] {
+        let reading = can_in_assembly(items, &records);
+        assert_eq!(reading.facts.faces, alone.faces, "{records}");
+        let moved = bounds(&reading).0 - min;
+        assert!((moved - Vector3::from(shift)).norm() < 1e-6, "{records}: {moved}");
+        let is_unplaced = reading.facts.notices.iter().any(|notice| notice.code == "step-placement-missing");
+        assert_eq!(is_unplaced, records.is_empty(), "{records}");
+    }
+}
+
+#[test]
+fn a_unit_without_a_name_is_stated_as_converted() {
+    let can = text("can/part.step");
+    let micro = can.replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT(.MICRO.,.METRE.)");
+    assert_ne!(micro, can);
+    let facts = read(micro.as_bytes()).unwrap().facts;
+    assert!(facts.unit.why.contains("0.001 mm"), "{}", facts.unit.why);
+    assert!((facts.size[2] * 1000.0 / part("can/part.step").facts.size[2] - 1.0).abs() < 1e-6);
+}
+
 #[test]
 fn facts_give_unit_faces_and_bodies() {
     let facts = part("can/part.step").facts;

@@ -47,6 +47,8 @@ struct StepPart {
     skipped: Vec<String>,
     /// Other STEP files that contain shapes of an assembly.
     elsewhere: Vec<String>,
+    /// The components of assemblies that have no placement.
+    unplaced: Vec<String>,
 }
 
 /// Distance of the chords of the tessellation from the faces, mm.
@@ -91,6 +93,7 @@ pub(super) fn read(bytes: &[u8], options: &MeshOptions) -> Result<RawPart, MeshR
     let mut clues = Clues::new(MeshFormat::Step, part.producer);
     let unit = UNITS.into_iter().find(|unit| (unit.in_mm() / part.unit - 1.0).abs() < 1e-9);
     clues.stated_unit = Some(unit.unwrap_or(LengthUnit::Millimetre));
+    clues.converted = unit.is_none().then(|| format!("a unit of {} mm", part.unit));
     // The positions are in the unit that the facts give; units without a name are converted to mm.
     let scale = options.unit.or(clues.stated_unit).map_or(1.0, LengthUnit::in_mm);
     let mut raw = RawPart::new(clues);
@@ -106,6 +109,7 @@ pub(super) fn read(bytes: &[u8], options: &MeshOptions) -> Result<RawPart, MeshR
     raw.skipped = part.skipped;
     raw.notices.extend(unread_notice(&part.solid));
     raw.notices.extend(elsewhere_notice(&part.elsewhere));
+    raw.notices.extend(unplaced_notice(&part.unplaced));
     raw.solid = Some(part.solid);
     Ok(raw)
 }
@@ -158,6 +162,22 @@ fn elsewhere_notice(files: &[String]) -> Option<Notice> {
         );
         Notice::warning("step-files-missing", message)
     })
+}
+
+/// Names the components of assemblies without a placement.
+fn unplaced_notice(components: &[String]) -> Option<Notice> {
+    let message = match components {
+        [] => return None,
+        [component] => format!(
+            "the component {component} has no placement in its assembly and is read where it was modelled"
+        ),
+        _ => format!(
+            "{} components have no placement in their assemblies and are read where they were modelled: {}",
+            components.len(),
+            listed(components)
+        ),
+    };
+    Some(Notice::warning("step-placement-missing", message))
 }
 
 /// The first names, for messages.
@@ -228,6 +248,9 @@ struct Reader<'f, 'a> {
     unit: Option<f64>,
     skipped: BTreeMap<String, usize>,
     elsewhere: BTreeSet<String>,
+    unplaced: Vec<String>,
+    /// The products whose own representations contain the shapes of all their occurrences.
+    mapped: BTreeSet<u64>,
 }
 
 impl<'f, 'a> Reader<'f, 'a> {
@@ -248,6 +271,8 @@ impl<'f, 'a> Reader<'f, 'a> {
             unit: None,
             skipped: BTreeMap::new(),
             elsewhere: BTreeSet::new(),
+            unplaced: Vec::new(),
+            mapped: BTreeSet::new(),
         };
         let mut relations = Vec::new();
         let mut placed = BTreeSet::new();
@@ -397,6 +422,7 @@ impl<'f, 'a> Reader<'f, 'a> {
             frames: whole.frames,
             skipped,
             elsewhere,
+            unplaced: self.unplaced,
         })
     }
 
@@ -439,20 +465,78 @@ impl<'f, 'a> Reader<'f, 'a> {
         self.enter(definition, depth)?;
         let name = self.product_name(definition)?;
         let mut shape = Shape::default();
-        for id in self.all_same(&self.shapes.get(&definition).cloned().unwrap_or_default()) {
+        let own_representations = self.all_same(&self.shapes.get(&definition).cloned().unwrap_or_default());
+        for id in own_representations.iter().copied() {
             let mut own = self.representation(id, depth + 1)?;
             own.bodies.iter_mut().filter(|body| body.is_empty()).for_each(|body| body.clone_from(&name));
             shape.add(own);
         }
-        for occurrence in self.children.get(&definition).cloned().unwrap_or_default() {
+        let occurrences = self.children.get(&definition).cloned().unwrap_or_default();
+        let mut there = match occurrences.is_empty() {
+            true => BTreeMap::new(),
+            false => self.there(&own_representations)?,
+        };
+        let mut is_mapped = true;
+        for occurrence in occurrences {
             let child = self.product(occurrence.child, depth + 1)?;
-            let placement = self.occurrence_placement(occurrence)?;
+            let placement = match self.placing.get(&occurrence.id) {
+                Some(relation) => self.occurrence_placement(occurrence, *relation)?,
+                None if self.take(occurrence, &mut there) => continue,
+                None => {
+                    if !child.solid.faces.is_empty() {
+                        let name = self.product_name(occurrence.child)?;
+                        let number = format!("#{}", occurrence.child);
+                        self.unplaced.push(if name.trim().is_empty() { number } else { name });
+                    }
+                    Placement::identity()
+                }
+            };
+            is_mapped = false;
             self.count(&child.solid, occurrence.id)?;
             shape.add(child.placed(&placement));
         }
         self.open.remove(&definition);
         self.done.insert(definition, shape.clone());
+        if is_mapped {
+            self.mapped.insert(definition);
+        }
         Ok(shape)
+    }
+
+    /// How often an assembly's own representations contain others: themselves once, and those that they map or place.
+    fn there(&self, representations: &BTreeSet<u64>) -> Result<BTreeMap<u64, usize>, StepError> {
+        let mut there: BTreeMap<u64, usize> = BTreeMap::new();
+        for id in representations {
+            *there.entry(*id).or_default() += 1;
+            for (_, child) in self.loose.get(id).into_iter().flatten() {
+                *there.entry(*child).or_default() += 1;
+            }
+            let Some(record) = self.record(*id)? else { continue };
+            let parameters = record.first(self.file);
+            for item in parameters.references(1)? {
+                let item = self.file.record(item, &parameters)?;
+                if item.is("MAPPED_ITEM") {
+                    let map = item.first(self.file).follow(1)?;
+                    *there.entry(map.first(self.file).reference(1)?).or_default() += 1;
+                }
+            }
+        }
+        Ok(there)
+    }
+
+    /// Takes the shape of an occurrence from those that are already `there` in the assembly's own representations; returns whether it
+    /// is one of them. Instead of a relation that places it, an occurrence can have an item that maps it.
+    fn take(&self, occurrence: Occurrence, there: &mut BTreeMap<u64, usize>) -> bool {
+        let own = self.all_same(&self.shapes.get(&occurrence.child).cloned().unwrap_or_default());
+        let has_faces = |id: &u64| self.done.get(id).is_some_and(|shape| !shape.solid.faces.is_empty());
+        let found = own.iter().find(|id| there.get(id).is_some_and(|left| *left > 0) && has_faces(id));
+        let Some(left) =
+            found.filter(|_| self.mapped.contains(&occurrence.child)).and_then(|id| there.get_mut(id))
+        else {
+            return false;
+        };
+        *left -= 1;
+        true
     }
 
     fn product_name(&self, definition: u64) -> Result<String, StepError> {
@@ -478,10 +562,9 @@ impl<'f, 'a> Reader<'f, 'a> {
         found
     }
 
-    fn occurrence_placement(&self, occurrence: Occurrence) -> Result<Placement, StepError> {
-        let Some(relation) = self.placing.get(&occurrence.id) else { return Ok(Placement::identity()) };
-        let Some(record) = self.record(*relation)? else {
-            return Err(self.file.error(0, Some(*relation), StepProblem::Missing { target: *relation }));
+    fn occurrence_placement(&self, occurrence: Occurrence, relation: u64) -> Result<Placement, StepError> {
+        let Some(record) = self.record(relation)? else {
+            return Err(self.file.error(0, Some(relation), StepProblem::Missing { target: relation }));
         };
         let of_child = self.all_same(&self.shapes.get(&occurrence.child).cloned().unwrap_or_default());
         self.relation_placement(&record, |first| of_child.contains(&first))
