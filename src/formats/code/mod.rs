@@ -5,8 +5,10 @@ mod error;
 mod gs1;
 mod outline;
 
-use datamatrix::{DataMatrix, SymbolList};
-use qrcode::{Color, EcLevel, QrCode};
+use datamatrix::{DataMatrix, DataMatrixBuilder, SymbolList};
+use qrcode::bits::Bits;
+use qrcode::types::QrError;
+use qrcode::{Color, EcLevel, QrCode, Version};
 use serde::{Deserialize, Serialize};
 
 pub use error::CodeError;
@@ -14,6 +16,10 @@ pub use outline::outlines;
 
 /// Longest content, bytes; no code holds more.
 const LONGEST: usize = 4000;
+/// Error correction of QR codes.
+const QR_CORRECTION: EcLevel = EcLevel::M;
+/// The ECI designator of UTF-8 (AIM ECI, part 3).
+const UTF_8: u32 = 26;
 
 /// A kind of code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -138,11 +144,12 @@ pub fn encode(kind: Kind, content: &str, rectangular: bool) -> Result<Modules, C
                 true => SymbolList::default().enforce_rectangular(),
                 false => SymbolList::default().enforce_square(),
             };
-            let code = match kind {
-                Kind::Gs1DataMatrix => DataMatrix::encode_gs1(&gs1::elements(content)?, sizes),
-                _ => DataMatrix::encode_str(content, sizes),
+            let elements = match kind {
+                Kind::Gs1DataMatrix => Some(gs1::elements(content)?),
+                _ => None,
             };
-            let bitmap = code.map_err(|_| too_long())?.bitmap();
+            let code = data_matrix(content, elements.as_deref(), &sizes).ok_or_else(too_long)?;
+            let bitmap = code.bitmap();
             let (columns, rows) = (bitmap.width(), bitmap.height());
             let mut dark = vec![false; columns * rows];
             for (column, row) in bitmap.pixels() {
@@ -155,8 +162,7 @@ pub fn encode(kind: Kind, content: &str, rectangular: bool) -> Result<Modules, C
             Ok(Modules::new(columns, dark))
         }
         Kind::Qr => {
-            let code = QrCode::with_error_correction_level(content.as_bytes(), EcLevel::M)
-                .map_err(|_| too_long())?;
+            let code = qr(content).map_err(|_| too_long())?;
             let (columns, colors) = (code.width(), code.to_colors());
             let rows: Vec<&[Color]> = colors.chunks(columns.max(1)).collect();
             let dark = rows.into_iter().rev().flatten().map(|color| *color == Color::Dark).collect();
@@ -182,6 +188,41 @@ pub fn encode(kind: Kind, content: &str, rectangular: bool) -> Result<Modules, C
     }
 }
 
+/// The smallest Data Matrix with this content, or with these GS1 elements.
+fn data_matrix(content: &str, elements: Option<&[u8]>, sizes: &SymbolList) -> Option<DataMatrix> {
+    let encoded = |sizes: SymbolList| {
+        let builder = DataMatrixBuilder::new().with_symbol_list(sizes).with_fnc1_start(elements.is_some());
+        match elements {
+            Some(elements) => builder.encode(elements),
+            None => builder.encode_str(content),
+        }
+    };
+    // Of several sizes, the crate takes none for a content that is longer than the bytes which the largest one holds, although
+    // digits and capitals are packed.
+    let one = |size| encoded(SymbolList::from(size)).ok();
+    encoded(sizes.clone()).ok().or_else(|| sizes.clone().into_iter().find_map(one))
+}
+
+/// The smallest QR code with this content.
+fn qr(content: &str) -> Result<QrCode, QrError> {
+    if content.is_ascii() {
+        return QrCode::with_error_correction_level(content, QR_CORRECTION);
+    }
+    // The crate packs pairs of bytes that could be Shift-JIS as Kanji, and readers decode them as such: UTF-8 must be bytes.
+    for version in (1..=40).map(Version::Normal) {
+        let mut bits = Bits::new(version);
+        bits.push_eci_designator(UTF_8)?;
+        let filled =
+            bits.push_byte_data(content.as_bytes()).and_then(|()| bits.push_terminator(QR_CORRECTION));
+        match filled {
+            Err(QrError::DataTooLong) => {}
+            Err(error) => return Err(error),
+            Ok(()) => return QrCode::with_bits(bits, QR_CORRECTION),
+        }
+    }
+    Err(QrError::DataTooLong)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -204,6 +245,19 @@ mod tests {
         let last = code.size()[0] - 1;
         assert!(code.is_dark(0, 0) && code.is_dark(0, last) && code.is_dark(last, last));
         assert!((0..7).all(|index| code.is_dark(index, last)) && !code.is_dark(7, last));
+    }
+
+    #[test]
+    fn a_data_matrix_holds_as_many_digits_as_its_standard_states() {
+        // ISO/IEC 16022, table 7: 144 x 144 modules hold 3116 digits, 132 x 132 hold 2608.
+        for (digits, side) in [(1800, 120), (2608, 132), (2609, 144), (3116, 144)] {
+            let code = encode(Kind::DataMatrix, &"1".repeat(digits), false).unwrap();
+            assert_eq!(code.size(), [side; 2], "{digits} digits");
+        }
+        // 2335 capitals, by the same table.
+        assert_eq!(encode(Kind::DataMatrix, &"A".repeat(2335), false).unwrap().size(), [144; 2]);
+        let error = encode(Kind::DataMatrix, &"1".repeat(3117), false).unwrap_err();
+        assert!(matches!(error, CodeError::TooLong { .. }));
     }
 
     #[test]
