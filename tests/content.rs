@@ -179,6 +179,7 @@ fn a_field_without_a_value_refuses_the_drawing_by_name() {
         ("{csv:LOT}", "csv.Lot=A7", "there is no column `LOT`; the columns are Lot"),
         ("{shift}", "", "no shift is given"),
         ("{date:%Q}", "", "the format `%Q` is not known"),
+        ("{date:dd.MM.yyyy}", "", "the format `dd.MM.yyyy` is not known; write %Y, %m, %d"),
     ] {
         desk.write("fields.dxf", dxf(&text("MARK", &format!("No {field}"))));
         let given: &[&str] = if given.is_empty() { &[] } else { &["--content", given] };
@@ -198,6 +199,7 @@ fn a_field_without_a_value_refuses_the_drawing_by_name() {
         (["--content", "lot=A7"], "names no field"),
         (["--content", "csv.=A7"], "names no field"),
         (["--date", "23.11.2026"], "is not a date"),
+        (["--date", "26-11-23"], "is not a date"),
     ] {
         run(&desk, &["plate.obj", "fields.dxf"], &[AS_DRAWN, &option].concat()).refused(2, &[words]);
     }

@@ -29,7 +29,7 @@ impl ContentArguments {
             let date = date.parse().map_err(|()| {
                 Failure::usage(
                     format!("`--date {date}` is not a date."),
-                    "Give year, month and day, with a time if need be, as in 2026-11-23 or 2026-11-23T14:05.",
+                    "Give the year with four digits, month and day, with a time if need be, as in 2026-11-23 or 2026-11-23T14:05.",
                 )
             })?;
             values.date = Some(date);

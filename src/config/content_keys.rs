@@ -150,7 +150,11 @@ impl ContentKeys {
         if let Some(given) = self.date {
             let date = given.get_ref().parse().map_err(|()| {
                 let what = format!("`{}` is not a date.", given.get_ref());
-                contradiction(&given.span(), what, "Write \"2026-11-23\" or \"2026-11-23T14:05\".")
+                contradiction(
+                    &given.span(),
+                    what,
+                    "Write the year with four digits: \"2026-11-23\" or \"2026-11-23T14:05\".",
+                )
             })?;
             content.values.date = Some(date);
         }

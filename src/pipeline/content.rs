@@ -111,7 +111,9 @@ fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
              numbers"
                 .to_owned()
         }
-        "date" if is_given => "Write the field with a known format, such as {date:%d.%m.%Y}".to_owned(),
+        "date" if is_given => {
+            "Write the field with a known format, such as {date:%d.%m.%Y} for 23.11.2026 or {date:%y%m%d} for 261123".to_owned()
+        }
         "shift" | "sku" if is_given => "Write the field without a format".to_owned(),
         "sku" => "Correct the drawing for a SKU, with `isomark correct --sku`".to_owned(),
         "serial" => format!(

@@ -8,13 +8,19 @@ use std::fmt::Write as _;
 use std::str::FromStr;
 
 use chrono::format::{Item, StrftimeItems};
-use chrono::{NaiveDate, NaiveDateTime, NaiveTime};
+use chrono::{Datelike as _, NaiveDate, NaiveDateTime, NaiveTime};
 use serde::{Deserialize, Serialize};
 
 /// Longest field, bytes.
 const LONGEST: usize = 200;
 /// Most digits of a serial number.
 const MOST_DIGITS: usize = 20;
+/// The names of fields.
+const NAMES: [&str; 5] = ["serial", "date", "shift", "csv", "sku"];
+/// The first year of a date: an earlier one was written with two digits.
+const FIRST_YEAR: i32 = 1900;
+/// The last year.
+const LAST_YEAR: i32 = 9999;
 /// How a date is written without a format.
 const USUAL_DATE: &str = "%Y-%m-%d";
 /// How the reason begins why a field has no value, if none is given.
@@ -58,10 +64,13 @@ impl Moment {
 impl FromStr for Moment {
     type Err = ();
 
-    /// `2026-11-23`, at midnight, or `2026-11-23T14:05`, with or without seconds.
+    /// `2026-11-23`, at midnight, or `2026-11-23T14:05`, with or without seconds; the year has four digits.
     fn from_str(text: &str) -> Result<Self, ()> {
         let (date, time) = text.trim().split_once(['T', ' ']).unwrap_or((text.trim(), "00:00"));
         let date = NaiveDate::parse_from_str(date, "%Y-%m-%d").map_err(drop)?;
+        if !(FIRST_YEAR..=LAST_YEAR).contains(&date.year()) {
+            return Err(());
+        }
         let time = NaiveTime::parse_from_str(time, "%H:%M:%S")
             .or_else(|_| NaiveTime::parse_from_str(time, "%H:%M"))
             .map_err(drop)?;
@@ -275,7 +284,11 @@ fn date(moment: Moment, format: &str) -> Result<String, String> {
     let unknown =
         || format!("the format `{format}` is not known; write %Y, %m, %d, %H, %M, %S, %j, %V or %y");
     let items: Vec<Item<'_>> = StrftimeItems::new(format).collect();
-    if items.contains(&Item::Error) {
+    let is_part = |item: &Item<'_>| matches!(item, Item::Numeric(..) | Item::Fixed(_));
+    // Letters of other programs, such as `dd.MM.yyyy`, would be marked as they are.
+    let is_year =
+        |item: &Item<'_>| matches!(item, Item::Literal(text) if text.to_lowercase().contains("yyyy"));
+    if items.contains(&Item::Error) || items.iter().any(is_year) || !items.iter().any(is_part) {
         return Err(unknown());
     }
     let mut text = String::new();
@@ -363,7 +376,12 @@ mod tests {
             ("{serial:ä}", "is not known"),
             ("{date:%Q}", "the format `%Q` is not known"),
             ("{date:%z}", "is not known"),
-            ("{date:%n}", "control character U+000A"),
+            ("{date:dd.MM.yyyy}", "the format `dd.MM.yyyy` is not known; write %Y"),
+            ("{date: }", "is not known"),
+            ("{date:%%Y}", "is not known"),
+            ("{date:%d.%m.YYYY}", "is not known"),
+            ("{date:%n}", "is not known"),
+            ("{date:%Y%n}", "control character U+000A"),
             ("{shift:x}", "has no format"),
             ("{csv}", "names no column"),
             ("{csv:lot}", "no column `lot`; the columns are 100%, LOT"),
@@ -372,7 +390,11 @@ mod tests {
         ] {
             assert!(why(text, &content).contains(words), "{text}: {}", why(text, &content));
         }
-        assert!("2026-02-30".parse::<Moment>().is_err() && "today".parse::<Moment>().is_err());
+        for wrong in
+            ["2026-02-30", "today", "26-11-23", "-5-11-23", "0026-11-23", "20226-11-23", "+2026-11-23T1"]
+        {
+            assert!(wrong.parse::<Moment>().is_err(), "{wrong}");
+        }
         assert_eq!("2026-11-23".parse::<Moment>().unwrap().to_string(), "2026-11-23T00:00:00");
     }
 }
