@@ -627,6 +627,19 @@ fn bad_rows_refuse_a_list_before_anything_is_written_or_are_left_out_by_name() {
     desk.isomark(&["correct", "plate.obj", "label.dxf", "--list", "batch.csv"]).refused(2, &["--out-dir"]);
 }
 
+/// The name of a shape is no SKU, and the name of a part is.
+#[test]
+fn a_shape_on_the_command_line_has_no_sku() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&text("MARK", "{sku}")));
+    let shape = ["--cylinder", "60,100"];
+    run(&desk, &["label.dxf"], &shape).refused(1, &["content-missing", "no SKU is given", "--sku"]);
+    assert_eq!(run(&desk, &["label.dxf"], &[&shape[..], &["--sku", "can"]].concat()).code, 0);
+    let (report, _) = corrected(&desk, &["plate.obj", "label.dxf"], AS_DRAWN);
+    assert_eq!(report["pattern"]["facts"]["fields"][0]["value"], "plate");
+}
+
 /// A name from a list never becomes a path.
 #[test]
 fn values_of_a_list_name_no_files() {

@@ -138,6 +138,10 @@ impl JobArguments {
             None => JobSettings::without_station(&of_station)?,
         };
         let mut settings = settings.with_overrides(&of_job)?;
+        // The name of a shape names the job, but no product.
+        if self.sku.is_none() && part.is_none() {
+            settings.content.values.sku = Some(String::new());
+        }
         self.content.add_to(&mut settings)?;
         let drawing = read_file(pattern)?;
         refuse_options_of_other_formats(&of_job, &name_of(pattern)?, &drawing)?;

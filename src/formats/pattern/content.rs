@@ -30,7 +30,7 @@ const NOT_GIVEN: &str = "no ";
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Content {
-    /// The product's identity.
+    /// The product's identity; an empty one is none, and no name of the job replaces it.
     pub sku: Option<String>,
     /// The serial number.
     pub serial: Option<u64>,
@@ -231,7 +231,7 @@ fn value(field: &str, content: &Content) -> Result<String, String> {
         ("serial", format) => serial(content.serial.ok_or("no serial number is given")?, format)?,
         ("date", format) => date(content.date.ok_or("no date is given")?, format.unwrap_or(USUAL_DATE))?,
         ("shift", None) => content.shift.clone().ok_or("no shift is given")?,
-        ("sku", None) => content.sku.clone().ok_or("no SKU is given")?,
+        ("sku", None) => content.sku.clone().filter(|sku| !sku.is_empty()).ok_or("no SKU is given")?,
         ("csv", Some(column)) => match content.row.get(column) {
             Some(value) if value.trim().is_empty() => Err(format!("the column `{column}` is empty"))?,
             Some(value) => value.clone(),
