@@ -67,7 +67,8 @@ mod recent;
 mod rotary;
 mod task;
 
-pub use content::{Variable, check_values, variable};
+pub(crate) use content::misspelt_fields;
+pub use content::{Variable, check_fixed_codes, check_values, variable};
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow, FloorReport};
 pub use focus::StepDrawing;
 pub use list::ListJob;

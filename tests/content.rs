@@ -627,6 +627,38 @@ fn bad_rows_refuse_a_list_before_anything_is_written_or_are_left_out_by_name() {
     desk.isomark(&["correct", "plate.obj", "label.dxf", "--list", "batch.csv"]).refused(2, &["--out-dir"]);
 }
 
+/// A list whose values are on no drawing gives equal drawings; a field that is misspelt is a text.
+#[test]
+fn values_without_a_field_and_misspelt_fields_are_warned_of() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let placeholder = rectangle("DM", [12.0, 12.0], 0.0);
+    let code = codes("qr", "SN{serail}", "");
+    for (label, options, expected) in [
+        ("{Serial}", &["--content", "serial=5"][..], &["field-misspelt", "content-unused"][..]),
+        ("fixed", &["--content", "csv.LOT=5"], &["content-unused"]),
+        ("{serial} {{serial}} {lot}", &["--content", "serial=5", "--content", "csv.LOT=5"], &[]),
+        ("fixed", &["--set", &code], &["field-misspelt"]),
+        ("fixed", &["--content", "serial=5", "--set", &codes("qr", "SN{serial}", "")], &[]),
+    ] {
+        desk.write("label.dxf", dxf(&(text("MARK", label) + &placeholder)));
+        let (report, _) = corrected(&desk, &["plate.obj", "label.dxf"], &[AS_DRAWN, options].concat());
+        let found = notices(&report);
+        for code in ["field-misspelt", "content-unused"] {
+            assert_eq!(found.contains(&code), expected.contains(&code), "{label} {options:?}: {found:?}");
+        }
+    }
+    desk.write("label.dxf", dxf(&text("MARK", "{SERIAL:04}")));
+    let output = listed(&desk, LIST, &[]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    for words in ["row 1: warning: TEXT", "write `{serial:04}`", "a serial number and values of LOT"] {
+        assert_eq!(output.err.matches(words).count(), 1, "{words}: {}", output.err);
+    }
+    // A list may have columns that the drawing does not use.
+    desk.write("label.dxf", dxf(&text("MARK", "{serial:04}")));
+    assert!(!listed(&desk, LIST, &[]).err.contains("nothing of what is given"));
+}
+
 /// The name of a shape is no SKU, and the name of a part is.
 #[test]
 fn a_shape_on_the_command_line_has_no_sku() {

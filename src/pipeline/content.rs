@@ -24,6 +24,8 @@ const SQUARENESS: f64 = 1e-3;
 const NOTABLE_DISTORTION: f64 = 10.0;
 /// Most steps along a bar in which its width is measured.
 const MOST_STEPS: usize = 50;
+/// Most columns that a message names.
+const MOST_COLUMNS: usize = 10;
 /// Longest text in a message, letters.
 const SHOWN: usize = 60;
 
@@ -176,6 +178,30 @@ pub fn check_values<'f>(
     Ok(())
 }
 
+/// Checks the codes of settings whose content is the same for all products, without a drawing.
+///
+/// # Errors
+/// The first code that cannot be encoded.
+pub fn check_fixed_codes(settings: &ContentSettings) -> Result<(), Reason> {
+    let nothing = Content::default();
+    let is_fixed = |code: &&CodeSettings| filled(&code.content, &nothing).is_ok();
+    settings
+        .codes
+        .iter()
+        .filter(is_fixed)
+        .try_for_each(|code| encoded(code, &nothing, Values::Code).map(drop))
+}
+
+/// Warns of the codes of settings that contain a text which is almost a field.
+pub(crate) fn misspelt_fields(settings: &ContentSettings) -> Vec<Notice> {
+    settings.codes.iter().flat_map(misspelt).collect()
+}
+
+fn misspelt(code: &CodeSettings) -> Vec<Notice> {
+    let place = format!("the content of the {} code on {}", code.kind, placeholder(code));
+    pattern::misspelt_in(&code.content, &place)
+}
+
 fn refused_field(field: &FoundField, values: Values<'_>) -> Reason {
     no_value(&field.field, field.value.as_ref().err().map(String::as_str), values)
 }
@@ -261,6 +287,7 @@ pub(super) fn draw_codes(
             continue;
         }
         let (content, modules) = encoded(code, &settings.values, Values::Code)?;
+        notices.extend(misspelt(code));
         let mut paths = Vec::with_capacity(pattern.paths.len());
         for path in &pattern.paths {
             if !is_of_code(path) {
@@ -278,6 +305,13 @@ pub(super) fn draw_codes(
         pattern.paths = paths;
     }
     Ok(placed)
+}
+
+fn placeholder(code: &CodeSettings) -> String {
+    match &code.placeholder {
+        Placeholder::Layer(layer) => format!("layer {layer}"),
+        Placeholder::Block(block) => format!("block {block}"),
+    }
 }
 
 fn too_many() -> Reason {
@@ -452,6 +486,7 @@ pub(super) fn report(
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Option<ContentReport> {
+    notices.extend(unused(facts, &settings.content));
     if codes.is_empty() && facts.fields.is_empty() {
         return None;
     }
@@ -491,6 +526,26 @@ pub(super) fn report(
         }
     }
     Some(ContentReport::new(&settings.content.values, reports))
+}
+
+/// Warns of a serial number and of values of columns if the drawing marks none of them. A list may have more columns than a drawing
+/// uses.
+fn unused(facts: &PatternFacts, settings: &ContentSettings) -> Option<Notice> {
+    let values = &settings.values;
+    let texts = facts.fields.iter().map(|field| &field.field);
+    let mut texts = texts.chain(settings.codes.iter().map(|code| &code.content));
+    let is_used = texts.any(|text| text.contains("{serial") || text.contains("{csv:"));
+    let serial = values.serial.map(|_| "a serial number".to_owned());
+    let columns: Vec<&str> = values.row.keys().take(MOST_COLUMNS).map(String::as_str).collect();
+    let columns = columns.first().map(|_| format!("values of {}", columns.join(", ")));
+    let given: Vec<String> = serial.into_iter().chain(columns).collect();
+    (!is_used && !given.is_empty()).then(|| {
+        let message = format!(
+            "nothing of what is given, {}, is marked: the drawing has no field such as {{serial}} or {{csv:COLUMN}} for it",
+            given.join(" and ")
+        );
+        Notice::warning("content-unused", message)
+    })
 }
 
 /// Smallest and largest side of a cell on the part, mm, and the largest change of a side or diagonal as a share; `None` beside

@@ -239,6 +239,14 @@ const CODES: &[Code] = &[
         "Give the value with `--content`, `--date` or a list. To mark the text of the field itself, double its braces: `{{serial}}`.",
     ]),
     notice([
+        "content-unused",
+        "Values are given, and the drawing marks none of them.",
+        "A serial number, or values of columns (`--content`, `--list`, or [content] in the settings), are given for a drawing whose texts \
+         and codes have neither the field `{serial}` nor `{csv:COLUMN}`. All drawings of a list would be the same.",
+        "Write the field into a text of the drawing or into the content of a code, exactly as the README names it, or leave out the \
+         values.",
+    ]),
+    notice([
         "contours-closed",
         "Nearly closed outlines were closed.",
         "The ends of an outline were closer together than `joining_mm` under [pattern]. The report lists the \
@@ -407,6 +415,13 @@ const CODES: &[Code] = &[
         "If the facets are meant as they are, set `normals = \"file\"` under [part] (`--normals file`), or `facets` if the file \
          has no normals. If the part is round, export it with smooth shading, from CAD as GLB, or with a deviation of 0.05 mm; \
          `normals = \"estimate\"` confirms that it is round.",
+    ]),
+    notice([
+        "field-misspelt",
+        "A text in braces is almost a field, and is marked as it is.",
+        "Only `{serial}`, `{date}`, `{shift}`, `{csv:COLUMN}` and `{sku}` are fields, with these small letters and without blanks. Other \
+         braces are texts like all others.",
+        "If a value is meant, write the field as the message names it.",
     ]),
     notice([
         "field-scale",

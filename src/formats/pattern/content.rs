@@ -11,8 +11,12 @@ use chrono::format::{Item, StrftimeItems};
 use chrono::{Datelike as _, NaiveDate, NaiveDateTime, NaiveTime};
 use serde::{Deserialize, Serialize};
 
+use crate::reason::Notice;
+
 /// Longest field, bytes.
 const LONGEST: usize = 200;
+/// Most notices about texts that are no fields.
+const MOST_NOTICES: usize = 20;
 /// Most digits of a serial number.
 const MOST_DIGITS: usize = 20;
 /// The names of fields.
@@ -104,6 +108,8 @@ pub struct FieldUse {
     pub handle: Option<String>,
     /// The entity's layer.
     pub layer: String,
+    #[serde(skip)]
+    meant: Option<String>,
 }
 
 /// A field in a text, with its value or the reason why it has none.
@@ -113,6 +119,8 @@ pub struct FoundField {
     pub field: String,
     /// The value, or why there is none.
     pub value: Result<String, String>,
+    /// The field that is probably meant, if this is no field; it is drawn as it is written.
+    pub meant: Option<String>,
 }
 
 impl FoundField {
@@ -122,7 +130,8 @@ impl FoundField {
             Ok(value) => (Some(value), None),
             Err(why) => (None, Some(why)),
         };
-        FieldUse { field: self.field, value, why, entity: entity.into(), handle, layer: layer.into() }
+        let (entity, layer) = (entity.into(), layer.into());
+        FieldUse { field: self.field, value, why, entity, handle, layer, meant: self.meant }
     }
 }
 
@@ -168,9 +177,14 @@ pub(super) fn expand(text: &str, syntax: Syntax, content: Option<&Content>) -> (
                     (Ok(value), Some(_)) => out += &escaped(value, syntax),
                     _ => out += &rest[..rest.len() - after.len()],
                 }
-                found.push(FoundField { field: format!("{{{name}}}"), value });
+                found.push(FoundField { field: format!("{{{name}}}"), value, meant: None });
                 rest = after;
                 continue 'text;
+            }
+            if let Some(meant) = misspelt(inner, close) {
+                let written = inner.split(close).next().unwrap_or_default();
+                let field = format!("{{{written}}}");
+                found.push(FoundField { value: Ok(field.clone()), field, meant: Some(meant) });
             }
         }
         // The letter behind a backslash belongs to it.
@@ -198,12 +212,64 @@ pub fn filled(text: &str, content: &Content) -> Result<String, FoundField> {
 
 /// The name of a field at the beginning of `text`, behind its opening brace, and the text behind its closing brace.
 fn field<'t>(text: &'t str, close: &str) -> Option<(&'t str, &'t str)> {
-    const NAMES: [&str; 5] = ["serial", "date", "shift", "csv", "sku"];
     let end = text.bytes().take(LONGEST).position(|byte| byte == b'}')?;
     let inner = text.get(..=end)?.strip_suffix(close)?;
     let (name, argument) = inner.split_once(':').map_or((inner, None), |(name, rest)| (name, Some(rest)));
     let is_field = NAMES.contains(&name) && !inner.contains(['{', '\\', '\n']) && argument != Some("");
     is_field.then(|| (inner, &text[end + 1..]))
+}
+
+/// The field that a text in braces, behind its opening brace, is probably meant to be, if it is none.
+fn misspelt(text: &str, close: &str) -> Option<String> {
+    let end = text.bytes().take(LONGEST).position(|byte| byte == b'}')?;
+    let inner = text.get(..=end)?.strip_suffix(close)?;
+    if inner.contains(['{', '\\', '\n']) {
+        return None;
+    }
+    let (name, argument) = inner.split_once(':').map_or((inner, None), |(name, rest)| (name, Some(rest)));
+    let given = name.trim().to_lowercase();
+    // Of three letters, another one makes another word.
+    let is_near = |known: &&&str| given == **known || known.len() > 3 && differs_once(&given, known);
+    let known = NAMES.iter().find(is_near)?;
+    let argument = argument.filter(|argument| !argument.is_empty());
+    Some(argument.map_or_else(|| format!("{{{known}}}"), |argument| format!("{{{known}:{argument}}}")))
+}
+
+/// Whether two words differ by one letter that is missing, added, changed or exchanged with the next one.
+fn differs_once(one: &str, other: &str) -> bool {
+    let (one, other): (Vec<char>, Vec<char>) = (one.chars().collect(), other.chars().collect());
+    let same = one.iter().zip(&other).take_while(|(one, other)| one == other).count();
+    let (one, other) = (&one[same..], &other[same..]);
+    let same = one.iter().rev().zip(other.iter().rev()).take_while(|(one, other)| one == other).count();
+    match (&one[..one.len() - same], &other[..other.len() - same]) {
+        ([a, b], [c, d]) => a == d && b == c,
+        (one, other) => one.len() < 2 && other.len() < 2,
+    }
+}
+
+/// What is no field although it is written like one, apart from the fields.
+pub(super) fn without_misspelt(found: Vec<FieldUse>) -> (Vec<FieldUse>, Vec<Notice>) {
+    let (odd, fields): (Vec<_>, Vec<_>) = found.into_iter().partition(|field| field.meant.is_some());
+    let notice = |field: FieldUse| {
+        let item = field.handle.as_ref().map_or_else(String::new, |handle| format!(" {handle}"));
+        let place = format!("{}{item} on layer {}", field.entity, field.layer);
+        Some(misspelt_field(&field.field, &field.meant?, &place))
+    };
+    (fields, odd.into_iter().take(MOST_NOTICES).filter_map(notice).collect())
+}
+
+/// Warns of the texts in the content of a code that are written like fields and are none.
+pub(crate) fn misspelt_in(content: &str, place: &str) -> Vec<Notice> {
+    let (_, found) = expand(content, Syntax::Plain, None);
+    let odd = found.iter().filter_map(|field| Some((&field.field, field.meant.as_ref()?)));
+    odd.map(|(field, meant)| misspelt_field(field, meant, place)).collect()
+}
+
+fn misspelt_field(field: &str, meant: &str, place: &str) -> Notice {
+    let message = format!(
+        "{place} contains `{field}`, which is no field and is marked as it is; if a value is meant, write `{meant}`"
+    );
+    Notice::warning("field-misspelt", message)
 }
 
 fn escaped(value: &str, syntax: Syntax) -> String {
@@ -322,6 +388,7 @@ mod tests {
             ("{date} {date:%d.%m.%y} {date:%H:%M} {date:%j}", "2026-11-23 23.11.26 14:05 327"),
             ("{shift}/{sku}/{csv:LOT}", "late/can/A7"),
             ("{lot} {} {Serial} {serial {serial:} }{", "{lot} {} {Serial} {serial {serial:} }{"),
+            ("{serail} { serial } {CSV:LOT}", "{serail} { serial } {CSV:LOT}"),
             ("{{serial}} {{date:%Y}}", "{serial} {date:%Y}"),
             ("{{lot}}", "{{lot}}"),
             ("ä{serial}ß", "ä417ß"),
@@ -350,6 +417,26 @@ mod tests {
         assert_eq!(of("{csv:100%}", Syntax::Plain), "a^b%%c{\\");
         assert_eq!(of("{csv:100%}", Syntax::Line), "a^ b%%%%%%c{\\");
         assert_eq!(of("{csv:100%}", Syntax::Paragraph), "a^ b%%%%%%c\\{\\\\");
+    }
+
+    #[test]
+    fn what_is_written_almost_like_a_field_is_named() {
+        for (text, meant) in [
+            ("No {serail}", Some("{serial}")),
+            ("{Serial:06}", Some("{serial:06}")),
+            ("{ serial }", Some("{serial}")),
+            ("{serial:}", Some("{serial}")),
+            ("{seria}{datum}", Some("{serial}")),
+            ("{CSV:LOT}", Some("{csv:LOT}")),
+            ("{dates}", Some("{date}")),
+            ("{lot} {} {serie} {sky} {cst:LOT} {{serial}} {serial}", None),
+        ] {
+            let (_, found) = expand(text, Syntax::Plain, Some(&content()));
+            let odd: Vec<_> = found.into_iter().filter_map(|field| field.meant).collect();
+            assert_eq!(odd.first().map(String::as_str), meant, "{text}");
+            assert!(odd.len() < 2, "{text}");
+        }
+        assert_eq!(filled("{serail}{serial}", &content()).unwrap(), "{serail}417");
     }
 
     #[test]

@@ -18,8 +18,8 @@ mod reading;
 mod svg;
 mod units;
 
-pub(crate) use content::is_not_given;
 pub use content::{Content, FieldUse, FoundField, Moment, filled};
+pub(crate) use content::{is_not_given, misspelt_in};
 pub use dxf::readback::{PathDifference, PathPlace, ReadbackError, read_back, readback_work};
 pub use dxf::space::{write_points, write_space};
 pub use dxf::write::{DxfProfile, losses, write};

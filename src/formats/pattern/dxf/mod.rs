@@ -27,6 +27,7 @@ pub(super) mod space;
 pub(super) mod write;
 pub(super) mod readback;
 
+use super::content::without_misspelt;
 use super::error::PatternReadError;
 use super::facts::PatternFacts;
 use super::units::{UnitHints, decide};
@@ -70,7 +71,8 @@ fn read_within(
     let drawn = paths.len();
     let extra_points = findings::extra_points(&structure, &scan, &remarks);
     remarks.fields.retain(|index, _| unfolded.drawn.contains(index));
-    let fields = findings::fields(&structure, &scan, std::mem::take(&mut remarks.fields));
+    let (fields, misspelt) =
+        without_misspelt(findings::fields(&structure, &scan, std::mem::take(&mut remarks.fields)));
     // The group codes are not needed any more, and the repair takes the most memory.
     drop(scan);
     let repaired = match options.strict {
@@ -99,7 +101,7 @@ fn read_within(
                 .chain(findings::extra_points_removed(&remarks, extra_points))
                 .collect(),
         },
-        notices: unit_notice.into_iter().collect(),
+        notices: unit_notice.into_iter().chain(misspelt).collect(),
         fields,
         picture: None,
     };

@@ -28,6 +28,7 @@ pub(super) use document::{is_complete, is_svg};
 use nalgebra::Vector2;
 
 use super::budget::Budget;
+use super::content::without_misspelt;
 use super::error::{PatternReadError, Spot};
 use super::facts::PatternFacts;
 use super::findings as shared;
@@ -92,6 +93,7 @@ fn read_within(
 
     let extents = shared::extents(&repaired.paths);
     let version = attribute(root, "version").map_or("SVG".into(), |version| format!("SVG {version}"));
+    let (fields, misspelt) = without_misspelt(std::mem::take(&mut drawn.fields));
     let mut facts = PatternFacts {
         producer,
         version: version.chars().take(20).collect(),
@@ -106,8 +108,8 @@ fn read_within(
             true => Vec::new(),
             false => shared::repairs(&repaired, &layers, options.joining_tolerance),
         },
-        notices: page.notices,
-        fields: drawn.fields,
+        notices: page.notices.into_iter().chain(misspelt).collect(),
+        fields,
         picture: None,
     };
     facts.notices.extend(size_notice(&facts));
