@@ -343,7 +343,10 @@ impl Pipeline {
         let shortening = shortened.iter().fold(0.0, |sum, path| sum + path.lost);
         let shortened_as_drawn = chords::as_drawn(&projection, &placed, settings).unwrap_or_default();
         clock.lap("bend");
-        let on_part = tiles.is_none().then_some((map, surface));
+        let on_part = match &tiles {
+            None => content::OnPart::Side(map, surface),
+            Some(_) => content::OnPart::Round(map),
+        };
         let content =
             content::report(&placing.codes, &facts, &placing.whole_motion(), on_part, settings, &mut notices);
         notices.extend(placing.notices.iter().cloned());

@@ -672,6 +672,36 @@ fn a_shape_on_the_command_line_has_no_sku() {
     assert_eq!(report["pattern"]["facts"]["fields"][0]["value"], "plate");
 }
 
+/// Round a cylinder, a side of a cell becomes the chord of its arc, wherever it is.
+#[test]
+fn codes_round_a_part_are_measured_on_it() {
+    let desk = Desk::new();
+    let radius = 15.0f64;
+    let circumference = std::f64::consts::TAU * radius;
+    let mut entities = String::new();
+    for side in 0..4 {
+        let middle = (f64::from(side) - 1.5) * circumference / 4.0;
+        let corners = [[-6.0, -6.0], [6.0, -6.0], [6.0, 6.0], [-6.0, 6.0]];
+        entities += "0\nLWPOLYLINE\n8\nDM\n90\n4\n70\n1\n";
+        for [x, y] in corners {
+            entities += &format!("10\n{}\n20\n{y}\n", x + middle);
+        }
+    }
+    desk.write("code.dxf", dxf(&entities));
+    let options = ["--cylinder", "30,60", "--rotary", "--set", &codes("data-matrix", "SN17", "")];
+    let (report, _) = corrected(&desk, &["code.dxf"], &options);
+    let found = report["content"]["codes"].as_array().unwrap();
+    assert_eq!(found.len(), 4);
+    for code in found {
+        let cell = number(code, "/cell_mm");
+        let chord = 2.0 * radius * (cell / 2.0 / radius).sin();
+        let [least, most] = [0, 1].map(|side| number(code, &format!("/cell_on_part_mm/{side}")));
+        assert!((least - chord).abs() < 1e-9 && (most - cell).abs() < 1e-9, "{code}");
+        let change = number(code, "/max_distortion_percent") / 100.0;
+        assert!((change - (1.0 - chord / cell)).abs() < 1e-9, "{code}");
+    }
+}
+
 /// A name from a list never becomes a path.
 #[test]
 fn values_of_a_list_name_no_files() {

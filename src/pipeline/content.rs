@@ -476,13 +476,35 @@ fn one_code(
     PlacedCode { report, frame, is_linear }
 }
 
+/// The part on which codes are measured.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum OnPart<'a> {
+    /// The side that faces the laser.
+    Side(&'a LengthTrueMap, &'a FittedSurface),
+    /// All of a part that turns.
+    Round(&'a LengthTrueMap),
+}
+
+impl OnPart<'_> {
+    /// Where a point of the placed drawing is on the part; `None` beside it.
+    fn point(self, at: FlatPoint) -> Option<Point3<f64>> {
+        match self {
+            Self::Side(map, surface) => {
+                let at = map.point(at);
+                Some(Point3::new(at.x, at.y, surface.sampled_height(at)?))
+            }
+            Self::Round(map) => map.point_round(at),
+        }
+    }
+}
+
 /// What the report states about content: the values, if the drawing uses any, and its codes as they are on the part. `motion`
 /// places the drawing; without a map the codes are not measured.
 pub(super) fn report(
     codes: &[PlacedCode],
     facts: &PatternFacts,
     motion: &Affine,
-    on_part: Option<(&LengthTrueMap, &FittedSurface)>,
+    on_part: OnPart<'_>,
     settings: &JobSettings,
     notices: &mut Vec<Notice>,
 ) -> Option<ContentReport> {
@@ -492,7 +514,7 @@ pub(super) fn report(
     }
     let measured = |code: &PlacedCode| {
         let mut report = code.report.clone();
-        if let Some((sides, distortion)) = on_part.and_then(|on_part| measured(code, motion, on_part)) {
+        if let Some((sides, distortion)) = measured(code, motion, on_part) {
             report.cell_on_part_mm = Some(sides);
             report.max_distortion_percent = Some(distortion * 100.0);
         }
@@ -550,11 +572,7 @@ fn unused(facts: &PatternFacts, settings: &ContentSettings) -> Option<Notice> {
 
 /// Smallest and largest side of a cell on the part, mm, and the largest change of a side or diagonal as a share; `None` beside
 /// the part.
-fn measured(
-    code: &PlacedCode,
-    motion: &Affine,
-    (map, surface): (&LengthTrueMap, &FittedSurface),
-) -> Option<([f64; 2], f64)> {
+fn measured(code: &PlacedCode, motion: &Affine, on_part: OnPart<'_>) -> Option<([f64; 2], f64)> {
     let frame = motion.after(&code.frame);
     let [columns, rows] = code.report.modules;
     let (width, height) = (frame.linear.column(0).norm(), frame.linear.column(1).norm());
@@ -562,8 +580,7 @@ fn measured(
     let parts = if code.is_linear { ((height / width) as usize).clamp(1, MOST_STEPS) } else { 1 };
     let step = height / parts as f64;
     let point = |column: usize, row: usize| {
-        let at = map.point(frame.point(FlatPoint::new(column as f64, row as f64 / parts as f64)));
-        Some(Point3::new(at.x, at.y, surface.sampled_height(at)?))
+        on_part.point(frame.point(FlatPoint::new(column as f64, row as f64 / parts as f64)))
     };
     let row_of = |row: usize| (0..=columns).map(|column| point(column, row)).collect::<Option<Vec<_>>>();
     let (mut sides, mut worst) = ([f64::INFINITY, 0.0f64], 0.0f64);

@@ -54,10 +54,10 @@ pub struct CodeReport {
     pub inverted: bool,
     /// Width of a module as drawn, mm.
     pub cell_mm: f64,
-    /// Smallest and largest side of a cell on the part, mm; absent for a mark in tiles. For bars, only their width.
+    /// Smallest and largest side of a cell on the part, mm; absent beside the part. For bars, only their width.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cell_on_part_mm: Option<[f64; 2]>,
-    /// The largest change of a side or diagonal of a cell on the part, percent; absent for a mark in tiles.
+    /// The largest change of a side or diagonal of a cell on the part, percent; absent beside the part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_distortion_percent: Option<f64>,
 }
