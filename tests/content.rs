@@ -659,6 +659,21 @@ fn values_without_a_field_and_misspelt_fields_are_warned_of() {
     assert!(!listed(&desk, LIST, &[]).err.contains("nothing of what is given"));
 }
 
+#[test]
+fn a_list_in_tiles_has_one_file_for_each_row_or_is_refused() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&text("MARK", "{csv:LOT}")));
+    desk.write("batch.csv", LIST);
+    let list = ["correct", "--cylinder", "60,100", "label.dxf", "--list", "batch.csv", "--out-dir", "out"];
+    let with = |more: &[&str]| desk.isomark(&[&list[..], &["--rotary"], more].concat());
+    with(&["--tiles-as", "files"]).refused(2, &["one drawing for each row", "--tiles-as layers"]);
+    with(&["--set", "rotary.as=files"]).refused(2, &["one drawing for each row"]);
+    assert_eq!(names(&desk), [""; 0]);
+    assert_eq!(with(&[]).code, 0);
+    assert_eq!(names(&desk).len(), 3);
+}
+
 /// The name of a shape is no SKU, and the name of a part is.
 #[test]
 fn a_shape_on_the_command_line_has_no_sku() {

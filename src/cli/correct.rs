@@ -10,7 +10,7 @@ use super::named_files::{apart, beside, file_trouble, name_of, tell_of_others, w
 use super::outcome::{Failure, Outcome, print_json, tell};
 use super::rotary::{RotaryArguments, write_tiles};
 use super::set::{add_options, useless_to_a_job};
-use crate::config::Overrides;
+use crate::config::{Overrides, Tiles, TilesAs};
 use crate::files::read_if_there;
 use crate::formats::mesh::MeshFormat;
 use crate::formats::pattern::{is_dxf, write_points, write_space};
@@ -252,6 +252,13 @@ impl CorrectArguments {
             ));
         }
         let job = self.job.prepare(self.overrides()?, useless_to_a_job)?;
+        let rotary = &job.settings.rotary;
+        if rotary.tiles != Tiles::Off && rotary.written_as == TilesAs::Files {
+            return Err(Failure::usage(
+                "`--list` writes one drawing for each row, and the tiles are to be files (`--tiles-as files`, `as` under [rotary]).",
+                "Give `--tiles-as layers`, or correct the drawings one by one.",
+            ));
+        }
         list::run(&job, list, &folder, self.json)
     }
 
