@@ -97,9 +97,10 @@ impl<'b> List<'b> {
         }
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let first = bytes.split(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
+        let stated = stated_separator(first);
         let count = |separator: u8| first.iter().filter(|byte| **byte == separator).count();
-        let separator = [b',', b';', b'\t'].into_iter().rev().max_by_key(|separator| count(*separator));
-        let separator = separator.unwrap_or(b',');
+        let most = [b',', b';', b'\t'].into_iter().rev().max_by_key(|separator| count(*separator));
+        let separator = stated.or(most).unwrap_or(b',');
         let mut reader = ReaderBuilder::new()
             .delimiter(separator)
             .trim(Trim::All)
@@ -107,8 +108,12 @@ impl<'b> List<'b> {
             .has_headers(false)
             .from_reader(bytes);
         let mut record = ByteRecord::new();
-        let is_there =
-            reader.read_byte_record(&mut record).map_err(|error| wrong(error.to_string(), None))?;
+        let mut next =
+            || reader.read_byte_record(&mut record).map_err(|error| wrong(error.to_string(), None));
+        let is_there = match stated {
+            Some(_) => next()? && next()?,
+            None => next()?,
+        };
         if !is_there {
             return Err(wrong("the list is empty".into(), None));
         }
@@ -137,6 +142,16 @@ impl<'b> List<'b> {
     #[must_use]
     pub fn columns(&self) -> &[String] {
         &self.columns
+    }
+}
+
+/// The separator that Excel writes and reads in a line before the names, such as `sep=;`.
+fn stated_separator(line: &[u8]) -> Option<u8> {
+    let line = line.strip_prefix(b"\"").map_or(line, |line| line.strip_suffix(b"\"").unwrap_or(line));
+    let (_, separator) = line.split_at_checked(4).filter(|(name, _)| name.eq_ignore_ascii_case(b"sep="))?;
+    match separator {
+        [separator @ (b',' | b';' | b'\t')] => Some(*separator),
+        _ => None,
     }
 }
 
@@ -305,6 +320,26 @@ mod tests {
             assert_eq!(values, [(1, "A7"), (2, "B, 8")], "{text}");
             assert_eq!((rows[0].line, rows[1].line), (2, 4), "{text}");
         }
+    }
+
+    #[test]
+    fn a_line_that_states_the_separator_is_skipped() {
+        for text in [
+            "sep=;\r\nLOT;No\r\n\r\nA,7;1\r\nB8;2\r\n",
+            "\u{feff}sep=,\nLOT,No\n\n\"A,7\",1\nB8,2",
+            "\"sep=\t\"\nLOT\tNo\n\nA,7\t1\nB8\t2\n",
+            "SEP=;\nLOT\n\nA,7\nB8\n",
+        ] {
+            let list = List::new(text.as_bytes()).unwrap();
+            assert_eq!(list.columns()[0], "LOT", "{text}");
+            let rows: Vec<Row> = list.map(Result::unwrap).collect();
+            let lots: Vec<_> =
+                rows.iter().map(|row| (row.number, row.line, row.values["LOT"].as_str())).collect();
+            assert_eq!(lots, [(1, 4, "A,7"), (2, 5, "B8")], "{text}");
+        }
+        assert!(List::new(b"sep=;\n").unwrap_err().what.contains("empty"));
+        // A column may have this name.
+        assert_eq!(List::new(b"sep=x;LOT\n1;2\n").unwrap().columns(), ["sep=x", "LOT"]);
     }
 
     #[test]
