@@ -627,6 +627,21 @@ fn bad_rows_refuse_a_list_before_anything_is_written_or_are_left_out_by_name() {
     desk.isomark(&["correct", "plate.obj", "label.dxf", "--list", "batch.csv"]).refused(2, &["--out-dir"]);
 }
 
+/// Drawings of an earlier, longer list would be marked again.
+#[test]
+fn drawings_of_an_earlier_list_are_named() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    desk.write("label.dxf", dxf(&text("MARK", "{csv:LOT}")));
+    let first = listed(&desk, LIST, &[]);
+    assert!(first.code == 0 && !first.err.contains("not part of this mark"), "{}", first.err);
+    desk.write("out/batch-x.dxf", "");
+    let second = listed(&desk, "LOT\nB1\n", &[]);
+    assert_eq!(second.code, 0, "{}", second.err);
+    let words = "an earlier one: batch-0002.dxf, batch-0003.dxf; remove";
+    assert!(second.err.contains(words), "{}", second.err);
+}
+
 /// A list whose values are on no drawing gives equal drawings; a field that is misspelt is a text.
 #[test]
 fn values_without_a_field_and_misspelt_fields_are_warned_of() {

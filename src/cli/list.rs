@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::job::Job;
-use super::named_files::{file_trouble, name_of, read_file, write_file, write_file_if};
+use super::named_files::{file_trouble, name_of, read_file, tell_of_stale, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
 use crate::config::BadRows;
 use crate::formats::list::{LeftOut, List, Product, Row};
@@ -51,13 +51,21 @@ pub(super) fn run(job: &Job, list: &Path, folder: &Path, is_json: bool) -> Outco
             Err(WriteError::Rejected(reason)) => {
                 let written = listed.report.rows.len();
                 if job.settings.content.bad_rows == BadRows::Refuse && written > 0 {
-                    tell(&format!("{written} drawings of the rows before row {} are written", row.number));
+                    let drawings = if written == 1 { "1 drawing" } else { &format!("{written} drawings") };
+                    tell(&format!("{drawings} of the rows before row {} are in the folder", row.number));
                 }
                 listed.leave_out(listed.list.refused(&row, reason), index)?;
                 left_out.insert(index);
             }
         }
     }
+    // Those of an earlier, longer list would be marked again.
+    let written: BTreeSet<&str> = listed.report.rows.iter().map(|row| row.drawing.as_str()).collect();
+    tell_of_stale(folder, |name| {
+        let number = name.strip_prefix(&stem).and_then(|rest| rest.strip_prefix('-')?.strip_suffix(".dxf"));
+        let is_number = |text: &str| text.len() >= DIGITS && text.bytes().all(|byte| byte.is_ascii_digit());
+        number.is_some_and(is_number) && !written.contains(name)
+    });
     let drawings = match listed.report.rows.len() {
         1 => "1 drawing".to_owned(),
         written => format!("{written} drawings"),

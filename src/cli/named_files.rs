@@ -150,6 +150,9 @@ pub(super) fn beside(out: &Path, ending: &str) -> PathBuf {
     out.with_file_name(format!("{stem}.{ending}"))
 }
 
+/// Most files of earlier marks that are named.
+const MOST_STALE: usize = 20;
+
 /// Warns of drawings beside the corrected one that are named like parts of it, but are not among its `files`: they may be
 /// of an earlier mark. `letter` begins the names of such parts, before a number with its sign.
 pub(super) fn tell_of_others(out: &Path, letter: char, files: &[PathBuf]) {
@@ -159,17 +162,28 @@ pub(super) fn tell_of_others(out: &Path, letter: char, files: &[PathBuf]) {
         let number = name.strip_prefix(&start).and_then(|rest| rest.strip_suffix(".dxf"));
         number.is_some_and(|number| number.starts_with(['+', '-']) && number.parse::<f64>().is_ok())
     };
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     let is_written =
         |name: &str| files.iter().any(|file| file.file_name().is_some_and(|known| known == name));
-    let mut others: Vec<String> = names.filter(|name| is_part(name) && !is_written(name)).collect();
-    others.sort();
-    if !others.is_empty() {
-        tell(&format!(
-            "isomark: warning: not part of this mark, perhaps of an earlier one: {}; remove what is not to be marked",
-            others.join(", ")
-        ));
+    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tell_of_stale(folder, |name| is_part(name) && !is_written(name));
+}
+
+/// Warns of the files of a folder whose names are those of an earlier mark.
+pub(super) fn tell_of_stale(folder: &Path, is_stale: impl Fn(&str) -> bool) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut stale: Vec<String> = names.filter(|name| is_stale(name)).collect();
+    stale.sort();
+    if stale.is_empty() {
+        return;
     }
+    let more = match stale.len().saturating_sub(MOST_STALE) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    stale.truncate(MOST_STALE);
+    tell(&format!(
+        "isomark: warning: not part of this mark, perhaps of an earlier one: {}{more}; remove what is not to be marked",
+        stale.join(", ")
+    ));
 }

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::named_files::{apart, beside, file_trouble, name_of, tell_of_others, write_file, write_file_if};
+use super::named_files::{
+    apart, beside, file_trouble, name_of, tell_of_others, tell_of_stale, write_file, write_file_if,
+};
 use super::outcome::{Failure, Outcome};
 use super::set::{add_options, add_switch};
 use crate::config::Overrides;
@@ -62,7 +64,10 @@ pub(super) fn write_tiles(
     read: &[&Path],
     is_read_back: bool,
 ) -> Result<bool, Failure> {
-    let Some(mark) = corrected.report.rotary.as_mut() else { return Ok(false) };
+    let Some(mark) = corrected.report.rotary.as_mut() else {
+        tell_of_others(out, 'r', &[]);
+        return Ok(false);
+    };
     let files: Vec<PathBuf> = corrected.tile_files.iter().map(|tile| file_of(out, tile)).collect();
     let (csv, json) = (beside(out, "rotary.csv"), beside(out, "rotary.json"));
     let named = files.iter().chain([&csv, &json]).map(|file| ("--out", file.as_path()));
@@ -88,6 +93,10 @@ pub(super) fn write_tiles(
     let Some(mark) = &corrected.report.rotary else { return Ok(false) };
     write_table(mark, &corrected.report.sku, &corrected.report.pattern.file, [&csv, &json])?;
     tell_of_others(out, 'r', &files);
+    // The layers of an earlier mark are in one file.
+    let whole = name_of(out)?;
+    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tell_of_stale(folder, |name| !files.is_empty() && name == whole);
     Ok(!files.is_empty())
 }
 

@@ -554,6 +554,11 @@ fn files_have_the_angles_in_their_names_and_are_clean() {
         united.extend(lines.into_iter().map(|(layer, line)| (format!("R{angle:+08.3} {layer}"), line)));
     }
     assert_eq!(united, layered);
+    // Neither is the file of an earlier mark with layers.
+    desk.write("out.dxf", "");
+    let output =
+        desk.isomark(&[&arguments[..], &["--tiles-as", "files", "--out", "out.dxf", "drawing.dxf"]].concat());
+    assert!(output.err.contains("an earlier one: out.dxf; remove"), "{}", output.err);
 }
 
 #[test]
