@@ -31,7 +31,85 @@ const FIXED: &[(&str, usize)] = &[
 /// Longest data of an element of variable length.
 const LONGEST: usize = 90;
 /// Elements that end with a check digit.
-const CHECKED: [&str; 3] = ["00", "01", "02"];
+const CHECKED: [&str; 12] = ["00", "01", "02", "03", "410", "411", "412", "413", "414", "415", "416", "417"];
+/// Elements that are a date, with the year, month and day as two digits each.
+const DATES: [&str; 6] = ["11", "12", "13", "15", "16", "17"];
+/// The number of digits of an application identifier, by its first two digits; others are not assigned (GS1 General
+/// Specifications, section 3.2).
+const IDENTIFIERS: &[(&str, usize)] = &[
+    ("00", 2),
+    ("01", 2),
+    ("02", 2),
+    ("03", 2),
+    ("10", 2),
+    ("11", 2),
+    ("12", 2),
+    ("13", 2),
+    ("15", 2),
+    ("16", 2),
+    ("17", 2),
+    ("20", 2),
+    ("21", 2),
+    ("22", 2),
+    ("23", 3),
+    ("24", 3),
+    ("25", 3),
+    ("30", 2),
+    ("31", 4),
+    ("32", 4),
+    ("33", 4),
+    ("34", 4),
+    ("35", 4),
+    ("36", 4),
+    ("37", 2),
+    ("39", 4),
+    ("40", 3),
+    ("41", 3),
+    ("42", 3),
+    ("43", 4),
+    ("70", 4),
+    ("71", 3),
+    ("72", 4),
+    ("80", 4),
+    ("81", 4),
+    ("82", 4),
+    ("90", 2),
+    ("91", 2),
+    ("92", 2),
+    ("93", 2),
+    ("94", 2),
+    ("95", 2),
+    ("96", 2),
+    ("97", 2),
+    ("98", 2),
+    ("99", 2),
+];
+/// Common elements of variable length, with their longest data, and whether it is digits only.
+const LIMITS: &[(&str, usize, bool)] = &[
+    ("10", 20, false),
+    ("21", 20, false),
+    ("22", 20, false),
+    ("235", 28, false),
+    ("240", 30, false),
+    ("241", 30, false),
+    ("242", 6, true),
+    ("243", 20, false),
+    ("250", 30, false),
+    ("251", 30, false),
+    ("254", 20, false),
+    ("30", 8, true),
+    ("37", 8, true),
+    ("390", 15, true),
+    ("392", 15, true),
+    ("400", 30, false),
+    ("401", 30, false),
+    ("403", 30, false),
+    ("420", 20, false),
+    ("710", 20, false),
+    ("8004", 30, false),
+    ("8200", 70, false),
+    ("90", 30, false),
+];
 /// The letters of GS1 elements besides letters and digits (set 82).
 const SIGNS: &str = "!\"%&'()*+,-./_:;<=>?";
 
@@ -61,6 +139,14 @@ pub(super) fn elements(text: &str) -> Result<Vec<u8>, CodeError> {
         });
         let (data, next) = after.split_at(end.unwrap_or(after.len()));
         rest = next;
+        match IDENTIFIERS.iter().find(|(start, _)| identifier.starts_with(start)) {
+            Some((_, length)) if *length == identifier.len() => {}
+            Some((start, length)) => {
+                let what = format!("application identifiers that begin with {start} have {length} digits");
+                return Err(wrong(format!("({identifier}) is not assigned: {what}")));
+            }
+            None => return Err(wrong(format!("({identifier}) is not an application identifier of GS1"))),
+        }
         let fixed = FIXED.iter().find(|(start, _)| identifier.starts_with(start));
         match fixed {
             Some((_, length)) => {
@@ -72,14 +158,28 @@ pub(super) fn elements(text: &str) -> Result<Vec<u8>, CodeError> {
                     let right = char::from(check_digit(&data[..digits - 1]).unwrap_or(b'0'));
                     return Err(wrong(format!("the check digit of ({identifier}){data} must be {right}")));
                 }
+                if DATES.contains(&identifier) && !is_date(data) {
+                    let what = "year, month and day, as in 261231; day 00 leaves the day open";
+                    return Err(wrong(format!("({identifier}){data} is not a date: write {what}")));
+                }
             }
-            None if data.is_empty() || data.len() > LONGEST => {
-                return Err(wrong(format!(
-                    "({identifier}) needs 1 to {LONGEST} characters and has {}",
-                    data.len()
-                )));
+            None => {
+                let limit = LIMITS.iter().find(|(start, ..)| identifier.starts_with(start));
+                let (longest, is_number) =
+                    limit.map_or((LONGEST, false), |(_, longest, is_number)| (*longest, *is_number));
+                let what = if is_number { "digits" } else { "characters" };
+                if data.is_empty() || data.len() > longest {
+                    return Err(wrong(format!(
+                        "({identifier}) needs 1 to {longest} {what} and has {}",
+                        data.len()
+                    )));
+                }
+                if is_number && !data.bytes().all(|byte| byte.is_ascii_digit()) {
+                    return Err(wrong(format!(
+                        "({identifier}) needs 1 to {longest} digits and has `{data}`"
+                    )));
+                }
             }
-            None => {}
         }
         if let Some(letter) =
             data.chars().find(|letter| !letter.is_ascii_alphanumeric() && !SIGNS.contains(*letter))
@@ -93,6 +193,20 @@ pub(super) fn elements(text: &str) -> Result<Vec<u8>, CodeError> {
         bytes.extend(identifier.bytes().chain(data.bytes()));
     }
     Ok(bytes)
+}
+
+/// Whether six digits are a date. Day 00 leaves the day of the month open.
+fn is_date(digits: &str) -> bool {
+    let number = |at: usize| digits.get(at..at + 2).and_then(|part| part.parse::<u32>().ok());
+    let (Some(year), Some(month), Some(day)) = (number(0), number(2), number(4)) else { return false };
+    let last = match month {
+        // 2000 is a leap year, and 1900 and 2100 are out of reach: a year is at most 50 years away.
+        2 if year.is_multiple_of(4) => 29,
+        2 => 28,
+        4 | 6 | 9 | 11 => 30,
+        _ => 31,
+    };
+    (1..=12).contains(&month) && day <= last
 }
 
 /// The check digit of these digits: weights 3 and 1 from the right.
@@ -116,6 +230,12 @@ mod tests {
             b"010950110102091717261231".iter().chain(b"10ABC123\x1d2117").copied().collect::<Vec<_>>()
         );
         assert_eq!(elements("(10)A(B)C").unwrap(), b"10A(B)C");
+        // Open days, a leap day, and elements that this program does not know in detail.
+        for text in
+            ["(17)260200", "(17)280229", "(15)261130", "(3103)001750", "(8008)26123112", "(98)x", "(4300)A"]
+        {
+            assert!(elements(text).is_ok(), "{text}");
+        }
     }
 
     #[test]
@@ -125,7 +245,18 @@ mod tests {
             ("(1)7", "does not begin"),
             ("(01)123", "needs 14 digits"),
             ("(01)09501101020918", "check digit of (01)09501101020918 must be 7"),
-            ("(21)", "needs 1 to 90 characters"),
+            ("(21)", "needs 1 to 20 characters"),
+            ("(98)", "needs 1 to 90 characters"),
+            ("(10)ABCDEFGHIJKLMNOPQRSTU", "needs 1 to 20 characters and has 21"),
+            ("(37)123456789", "needs 1 to 8 digits and has 9"),
+            ("(30)1A", "needs 1 to 8 digits and has `1A`"),
+            ("(17)269945", "(17)269945 is not a date"),
+            ("(11)260229", "is not a date"),
+            ("(13)261301", "is not a date"),
+            ("(414)4012345000000", "check digit of (414)4012345000000 must be 9"),
+            ("(05)12", "(05) is not an application identifier"),
+            ("(310)0001750", "begin with 31 have 4 digits"),
+            ("(0112)1", "begin with 01 have 2 digits"),
             ("(21)a b", "contains ' '"),
             ("(01", "does not begin"),
             ("(21)ä", "contains 'ä'"),
