@@ -22,7 +22,7 @@ use crate::formats::pattern::{DrawingUnit, Space};
 use crate::geometry::mapping::mapping_domain::MappingDomainOptions;
 use crate::geometry::optics::Lens;
 use crate::geometry::primitive::{Form, Primitive};
-use crate::geometry::space::{Facing, FieldPoint, FlatPoint, MarkingFrame, ViewPoint};
+use crate::geometry::space::{Extents, Facing, FieldPoint, FlatPoint, MarkingFrame, ViewPoint};
 use crate::geometry::surface::scan;
 
 /// Coordinates beyond this are outside of any station, mm; the unit is probably wrong.
@@ -754,7 +754,7 @@ impl OpticsKeys {
             (Some(given), Some(table)) => self.measured_lens(text, given, table)?,
             _ => self.lens(text)?,
         };
-        to.optics.axis = self.axis(text, to.optics.lens)?;
+        to.optics.axis = self.axis(text, to.optics.lens, to.field)?;
         if let Some(depth) = &self.focus_depth_mm {
             to.optics.focus_depth = Some(text.number("optics.focus_depth_mm", depth, 0.01..=1000.0, "mm")?);
         }
@@ -818,7 +818,12 @@ impl OpticsKeys {
         }
     }
 
-    fn axis(&self, text: &SettingsText, lens: Lens) -> Result<Option<FieldPoint>, ConfigError> {
+    fn axis(
+        &self,
+        text: &SettingsText,
+        lens: Lens,
+        field: Option<Field>,
+    ) -> Result<Option<FieldPoint>, ConfigError> {
         let Some(given) = &self.axis_mm else { return Ok(None) };
         if lens == Lens::Telecentric {
             return Err(ConfigError::Contradiction {
@@ -828,7 +833,23 @@ impl OpticsKeys {
             });
         }
         let [x, y] = text.numbers("optics.axis_mm", given, -FARTHEST..=FARTHEST, "mm")?;
-        Ok(Some(FieldPoint::new(x, y)))
+        let axis = FieldPoint::new(x, y);
+        // The field may be a part of what the lens covers.
+        let is_far = |field: &Extents| !field.scaled(2.0).contains(axis.coords());
+        if let Some(field) = field.map(|field| field.extents()).filter(is_far) {
+            return Err(ConfigError::Contradiction {
+                spot: text.spot(&given.span()),
+                what: format!(
+                    "The lens axis ({x}, {y}) mm is far outside the field, which is from ({}, {}) to ({}, {}) mm: a lens is over its \
+                     field.",
+                    field.min.x, field.min.y, field.max.x, field.max.y
+                ),
+                remedy: "Give the axis in the coordinates of the field, as `isomark calibrate lens` finds it, or remove `axis_mm` for the \
+                         middle of the field."
+                    .into(),
+            });
+        }
+        Ok(Some(axis))
     }
 
     fn incidence(
