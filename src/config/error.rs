@@ -7,6 +7,9 @@ use super::overrides::{JOB_TABLES, STATION_TABLES};
 use super::suggest::{listed, nearest};
 use crate::reason::{Place, Reason};
 
+/// The largest whole number up to which all are exact.
+const MOST_EXACT: f64 = 9_007_199_254_740_992.0;
+
 /// A mistake in a settings file or in a setting of the command line.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -210,7 +213,15 @@ impl ConfigError {
             Self::UnknownKey { key, .. } => format!("There is no key `{key}` here."),
             Self::UnknownChoice { given, .. } => format!("`{given}` is not one of the choices."),
             Self::Missing { key, .. } => format!("The key `{key}` is missing."),
-            Self::OutOfRange { key, value, unit, .. } => format!("`{key}` cannot be {value} {unit}."),
+            // Larger whole numbers are not shown as they were given.
+            Self::OutOfRange { key, value, high, unit, .. }
+                if value.is_finite() && *value > MOST_EXACT && *high <= MOST_EXACT =>
+            {
+                format!("`{key}` cannot be more than {high} {unit}.").replace(" .", ".")
+            }
+            Self::OutOfRange { key, value, unit, .. } => {
+                format!("`{key}` cannot be {value} {unit}.").replace(" .", ".")
+            }
             Self::Contradiction { what, .. } => what.clone(),
         }
     }

@@ -106,6 +106,19 @@ const MISTAKES: &[(&str, &str, u64, u64)] = &[
         11,
         11,
     ),
+    (
+        "[optics]\nkind = \"perspective\"\nlens_distance_x_mm = 300\n\
+         lens_distance_y_mm = 285\naxis_mm = [1000, 0]",
+        "The lens axis (1000, 0) mm is far outside the field, which is from (-50, -40.25) to (50, 40.25) mm",
+        14,
+        11,
+    ),
+    (
+        "[content]\nserial = 9223372036854775807",
+        "`content.serial` cannot be more than 9007199254740991. Give a number from 0 to 9007199254740991.",
+        11,
+        10,
+    ),
     ("[optic]\nkind = 1", "There is no table `[optic]` here. Did you mean `[optics]`?", 10, 2),
     (
         "[correction]\nmethod = \"isometrc\"",
