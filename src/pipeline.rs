@@ -497,6 +497,7 @@ impl Pipeline {
             },
             exposure: exposure.into(),
             sensitivity: Some(SensitivityReport::new(sensitivity, &settings.pose_uncertainty)),
+            lens_table: settings.optics.lens.measured().map(|lens| lens.residuals().into()),
             fill: filled.as_ref().map(|filled| filled.report.clone()),
             content,
             focus: stepped.as_ref().map(|stepped| stepped.report.clone()),

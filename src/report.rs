@@ -8,11 +8,13 @@ use serde::{Deserialize, Serialize};
 mod content;
 mod fill;
 mod focus;
+mod lens;
 mod list;
 
 pub use content::{CodeReport, ContentReport};
 pub use fill::FillReport;
 pub use focus::{FocusReport, FocusStepReport};
+pub use lens::LensTableReport;
 pub use list::{ListGap, ListReport, ListRow};
 
 use crate::cache::PartOrigin;
@@ -67,6 +69,9 @@ pub struct Report {
     /// What a misplaced part does to the mark; absent in reports of older programs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity: Option<SensitivityReport>,
+    /// How well the lens is known; absent without a lens table.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens_table: Option<LensTableReport>,
     /// The lines that fill contours; absent without a fill.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fill: Option<FillReport>,
@@ -746,6 +751,7 @@ impl Report {
         lines.extend(self.fill.as_ref().map(FillReport::summary));
         lines.extend(self.content.iter().flat_map(ContentReport::lines));
         lines.extend(self.sensitivity.iter().flat_map(SensitivityReport::lines));
+        lines.extend(self.lens_table.map(|table| format!("lens table    {}", table.summary())));
         lines.extend(self.rotary.as_ref().map(RotaryReport::summary));
         if let Some(scan) = scan {
             let what = if self.part.facts.triangles > 0 { "mesh, smoothed as a scan" } else { "scan" };

@@ -13,7 +13,7 @@ use super::outcome::{Failure, Outcome, print, print_json, shown};
 use super::set::SetArguments;
 use super::shell;
 use super::station_edit::{self, Change};
-use crate::config::{LENS_TABLE_COLUMNS, NewValue, Station};
+use crate::config::{LENS_TABLE_COLUMNS, NewValue, Station, read_lens_table};
 use crate::formats::measurements::{Measurements, MeasurementsError};
 use crate::formats::pattern;
 use crate::geometry::optics::calibration::{
@@ -24,6 +24,7 @@ use crate::geometry::space::{Extents, FieldPoint};
 use crate::pipeline::{profile, program};
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Reason};
+use crate::report::LensTableReport;
 use test_drawing::{Cross, crosses};
 
 mod picture;
@@ -132,6 +133,9 @@ pub(super) struct LensDocument {
     reading_mm: f64,
     /// Number of measured values beyond those that are needed.
     spare: usize,
+    /// How well the lens table describes the beams; absent without `--table`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lens_table: Option<LensTableReport>,
     /// The plates on which positions were measured.
     plates: Vec<Plate>,
     /// The measured values.
@@ -443,12 +447,20 @@ fn finish(
     found: &LensCalibration,
 ) -> Outcome {
     let changes = changes(arguments, station, found)?;
-    let document = document(station, field, named, found, &changes);
+    let table = arguments.table.as_ref().map(|file| -> Result<_, Failure> {
+        let table = lens_table(station, named, found)?;
+        let lens = read_lens_table(table.as_bytes(), file)
+            .map_err(|bad| Failure::rejected(Reason::new("lens-not-determined", bad.what, bad.remedy)))?;
+        Ok((file, table, LensTableReport::from(lens.residuals())))
+    });
+    let table = table.transpose()?;
+    let known = table.as_ref().map(|(_, _, known)| *known);
+    let document = document(station, field, named, found, &changes, known);
     if let Some(file) = &arguments.picture {
         write_file(file, picture(station, field, named, found).as_bytes())?;
     }
-    if let Some(file) = &arguments.table {
-        write_file(file, lens_table(station, named, found)?.as_bytes())?;
+    if let Some((file, table, _)) = &table {
+        write_file(file, table.as_bytes())?;
     }
     if arguments.write {
         station_edit::write(&arguments.station, "optics", &changes, |text| {
@@ -507,6 +519,7 @@ fn document(
     named: &Named,
     found: &LensCalibration,
     changes: &[Change],
+    lens_table: Option<LensTableReport>,
 ) -> LensDocument {
     let left_out = |is: &dyn Fn(ReadingPlace) -> bool| found.left_out.iter().any(|value| is(value.place));
     let crosses = named.readings.crosses.iter().enumerate().map(|(index, cross)| MeasuredValue {
@@ -531,6 +544,7 @@ fn document(
         scale: found.scale.map(Measured::from),
         reading_mm: found.reading,
         spare: found.spare,
+        lens_table,
         plates: found
             .plates
             .iter()
@@ -538,11 +552,16 @@ fn document(
             .collect(),
         values: crosses.chain(distances).collect(),
         settings: changes.iter().filter_map(|(key, value)| value.line(key)).collect(),
-        notices: notices(field, named, found),
+        notices: notices(field, named, found, lens_table),
     }
 }
 
-fn notices(field: &Extents, named: &Named, found: &LensCalibration) -> Vec<Notice> {
+fn notices(
+    field: &Extents,
+    named: &Named,
+    found: &LensCalibration,
+    lens_table: Option<LensTableReport>,
+) -> Vec<Notice> {
     let contradicts = |value: &LeftOut| {
         let message = format!("{}; it was left out", named.contradiction(value));
         Notice::warning("measurement-contradicts", message)
@@ -559,6 +578,7 @@ fn notices(field: &Extents, named: &Named, found: &LensCalibration) -> Vec<Notic
             notices.push(Notice::warning("field-scale", message));
         }
     }
+    notices.extend(lens_table.and_then(|table| table.notice()));
     if found.axis.is_none() && !found.is_telecentric() {
         let message = "the axis of the lens was not measured; the settings keep it in the middle of the field, or at `axis_mm`. To \
                        measure it, hold all plates against the same two stops, measure positions from the same edges, and give \
@@ -626,6 +646,9 @@ fn text(arguments: &LensArguments, document: &LensDocument) -> String {
         "one measurement",
         format!("+- {:.3} mm, {} more values than needed", document.reading_mm, document.spare),
     );
+    if let Some(table) = &document.lens_table {
+        line("lens table", table.summary());
+    }
     for plate in &document.plates {
         line(&format!("plate at {} mm", plate.height_mm), format!("turned by {:.2} deg", plate.turned_deg));
     }

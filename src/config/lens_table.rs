@@ -11,29 +11,32 @@ use crate::geometry::space::FieldPoint;
 pub const LENS_TABLE_COLUMNS: [&str; 5] = ["x_mm", "y_mm", "z_mm", "seen_x_mm", "seen_y_mm"];
 
 /// What is wrong with a table, and what to do.
-pub(super) struct BadTable {
-    pub(super) what: String,
-    pub(super) remedy: String,
+pub(crate) struct BadTable {
+    pub(crate) what: String,
+    pub(crate) remedy: String,
 }
 
 /// The lens of a table. Lines without both measured values are skipped.
 pub(super) fn load(file: &Path) -> Result<Lens, BadTable> {
+    let bytes = std::fs::read(file).map_err(|error| BadTable {
+        what: format!("The lens table {}: it cannot be read: {error}.", file.display()),
+        remedy: "Check the name; relative paths start at this file.".into(),
+    })?;
+    read(&bytes, file).map(Lens::Measured)
+}
+
+/// The lens of the bytes of a table, which is in `file`.
+pub(crate) fn read(bytes: &[u8], file: &Path) -> Result<MeasuredLens, BadTable> {
     let bad = |what: String, remedy: String| BadTable {
         what: format!("The lens table {}: {what}", file.display()),
         remedy,
     };
-    let bytes = std::fs::read(file).map_err(|error| {
-        bad(
-            format!("it cannot be read: {error}."),
-            "Check the name; relative paths start at this file.".into(),
-        )
-    })?;
     let unreadable = |error: crate::formats::measurements::MeasurementsError| {
         let reason = error.reason();
         let line = reason.place.line.map_or(String::new(), |line| format!("line {line}: "));
         bad(format!("{line}{error}."), reason.remedy)
     };
-    let table = Measurements::read(&bytes).map_err(unreadable)?;
+    let table = Measurements::read(bytes).map_err(unreadable)?;
     let (mut rows, mut lines, mut gaps) = (Vec::new(), Vec::new(), 0);
     for row in 0..table.len() {
         let seen = [3, 4].map(|column| table.number(row, LENS_TABLE_COLUMNS[column]));
@@ -54,7 +57,7 @@ pub(super) fn load(file: &Path) -> Result<Lens, BadTable> {
             format!("Leave at most {MOST_SIGHTINGS} rows."),
         ));
     }
-    MeasuredLens::fit(&rows).map(|(lens, _)| Lens::Measured(lens)).map_err(|error| {
+    MeasuredLens::fit(&rows).map(|(lens, _)| lens).map_err(|error| {
         let (what, remedy) = match error {
             MeasuredLensError::TooFew { .. } => {
                 (format!("{error}; {gaps} rows have empty cells."), "Fill in the empty cells, or measure more crosses.")

@@ -921,6 +921,15 @@ const CODES: &[Code] = &[
          x and along y, on plates at two or more heights.",
         "Measure the crosses on a second, higher plate, and fill in more cells of the table.",
     ]),
+    notice([
+        "lens-table-residual",
+        "The beams of the lens table are not known well.",
+        "isomark puts polynomials through the rows of `table` under [optics], and compares each row with what all the others predict. \
+         The numbers are these distances. They are large if the readings scatter, if a row is wrong, or if the lens bends the field \
+         more than so few crosses show. The length errors of the report are those of a lens that is as the table describes it.",
+        "Measure again with a finer tool, at more crosses (`isomark calibrate lens --draw --crosses 5`) and on plates as low and as \
+         high as the parts.",
+    ]),
     reason([
         "line-away",
         "A drawing for another line waits, because the fleet does not answer.",

@@ -85,6 +85,14 @@ impl Lens {
             Self::Measured(lens) => lens.height(),
         }
     }
+
+    /// The lens that was measured, if it is one.
+    pub fn measured(&self) -> Option<&MeasuredLens> {
+        match self {
+            Self::Measured(lens) => Some(lens),
+            Self::Telecentric | Self::Perspective { .. } => None,
+        }
+    }
 }
 
 /// The scan head over the field: its lens, and the position of the lens axis in the field.

@@ -3,12 +3,12 @@
 use super::{above_lens, off_surface, span};
 use crate::config::FocusSteps;
 use crate::geometry::correction::Projection;
-use crate::geometry::optics::Lens;
 use crate::geometry::space::ViewPoint;
 use crate::pipeline::causes::Cause;
 use crate::pipeline::landmarks::Lift;
 use crate::pipeline::{CachedSurface, Exposure, Ink, JobSettings};
 use crate::reason::{Notice, Place, Reason};
+use crate::report::LensTableReport;
 
 /// Rejects ink that cannot be marked, and adds notices for ink that should be checked.
 pub(in crate::pipeline) fn exposure(
@@ -128,9 +128,11 @@ fn focus(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) {
     }
 }
 
-/// Rejects a drawing that uses beams far outside the lens table, and warns of heights far outside its heights.
+/// Rejects a drawing that uses beams far outside the lens table, and warns of heights far outside its heights and of a table
+/// whose beams are not known well.
 fn measured_lens(seen: &Exposure, settings: &JobSettings, notices: &mut Vec<Notice>) -> Result<(), Reason> {
-    let Lens::Measured(lens) = settings.optics.lens else { return Ok(()) };
+    let Some(lens) = settings.optics.lens.measured() else { return Ok(()) };
+    notices.extend(LensTableReport::from(lens.residuals()).notice());
     let known = lens.known_area();
     if !known.contains(seen.field.min) || !known.contains(seen.field.max) {
         let beyond = (known.min - seen.field.min).sup(&(seen.field.max - known.max)).max();

@@ -49,15 +49,18 @@ pub struct MeasuredLens {
     heights: [f64; 2],
     height: f64,
     fingerprint: u64,
+    fit: MeasuredFit,
     degree: usize,
     offset: [Vector2<f64>; TERMS],
     slope: [Vector2<f64>; TERMS],
 }
 
 /// How well the polynomials meet the measurements.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct MeasuredFit {
+    /// The number of measurements.
+    pub count: usize,
     /// The degree of the polynomials.
     pub degree: usize,
     /// Root mean square of the distances, mm.
@@ -66,6 +69,13 @@ pub struct MeasuredFit {
     pub max: f64,
     /// The index of the measurement with this distance.
     pub max_at: usize,
+    /// Root mean square of the distances between each measurement and what all others predict, mm. With few measurements, the
+    /// polynomials pass through all of them, and only this shows what is not known about the beams between them.
+    pub prediction: f64,
+    /// The largest of these distances, mm.
+    pub max_prediction: f64,
+    /// The measurement with this distance.
+    pub worst: Sighting,
 }
 
 /// Why measurements give no lens.
@@ -141,11 +151,13 @@ impl MeasuredLens {
             .reduce(|best, next| if next.prediction < BETTER * best.prediction { next } else { best });
         let best = best.ok_or(MeasuredLensError::OnLine)?;
         best.check_mistakes(rows)?;
+        let fit = best.fit(rows);
         let mut lens = Self {
             area,
             heights,
             height: f64::INFINITY,
             fingerprint: fingerprint(rows),
+            fit,
             degree: best.degree,
             offset: [Vector2::zeros(); TERMS],
             slope: [Vector2::zeros(); TERMS],
@@ -159,12 +171,12 @@ impl MeasuredLens {
         if lens.height <= heights[1] {
             return Err(MeasuredLensError::Crossing { height: lens.height });
         }
-        let distances: Vec<f64> =
-            x.residuals.iter().zip(y.residuals.iter()).map(|(x, y)| x.hypot(*y)).collect();
-        let max_at = (0..distances.len()).max_by(|a, b| distances[*a].total_cmp(&distances[*b])).unwrap_or(0);
-        let rms =
-            (distances.iter().map(|distance| distance * distance).sum::<f64>() / rows.len() as f64).sqrt();
-        Ok((lens, MeasuredFit { degree: best.degree, rms, max: distances[max_at], max_at }))
+        Ok((lens, fit))
+    }
+
+    /// How well the beams meet the measurements.
+    pub fn residuals(&self) -> MeasuredFit {
+        self.fit
     }
 
     /// The measured rectangle of the field, mm.
@@ -313,6 +325,30 @@ impl Candidate {
         let sum = of(&solutions[0]) + of(&solutions[1]);
         let prediction = (sum / rows.len() as f64).sqrt() + 1e-9;
         prediction.is_finite().then_some(Self { degree, solutions, prediction })
+    }
+
+    fn fit(&self, rows: &[Sighting]) -> MeasuredFit {
+        let [x, y] = &self.solutions;
+        let residual = |row: usize| x.residuals[row].hypot(y.residuals[row]);
+        let difference = |row: usize| {
+            let of = |solution: &Solution| solution.difference_from_others(row).unwrap_or(f64::INFINITY);
+            of(x).hypot(of(y))
+        };
+        let greatest = |of: &dyn Fn(usize) -> f64| {
+            (0..rows.len()).max_by(|one, other| of(*one).total_cmp(&of(*other))).unwrap_or(0)
+        };
+        let (max_at, worst) = (greatest(&residual), greatest(&difference));
+        let squares: f64 = (0..rows.len()).map(|row| residual(row).powi(2)).sum();
+        MeasuredFit {
+            count: rows.len(),
+            degree: self.degree,
+            rms: (squares / rows.len() as f64).sqrt(),
+            max: residual(max_at),
+            max_at,
+            prediction: self.prediction,
+            max_prediction: difference(worst),
+            worst: rows[worst],
+        }
     }
 
     fn check_mistakes(&self, rows: &[Sighting]) -> Result<(), MeasuredLensError> {
