@@ -732,6 +732,20 @@ fn codes_round_a_part_are_measured_on_it() {
     }
 }
 
+/// A code without fields is known before a drawing is.
+#[test]
+fn the_check_of_a_station_finds_codes_that_can_never_be_made() {
+    let desk = Desk::new();
+    assert_eq!(desk.isomark(&["init", "line"]).code, 0);
+    let check = |kind: &str, content: &str| {
+        desk.isomark(&["check", "line/station.toml", "--set", &codes(kind, content, "")])
+    };
+    check("gs1-128", "01095011").refused(2, &["code-content", "application identifier"]);
+    assert_eq!(check("gs1-128", "(01){csv:GTIN}").code, 0);
+    let output = check("qr", "{serail}");
+    assert!(output.code == 0 && output.out.contains("field-misspelt"), "{} {}", output.out, output.err);
+}
+
 /// A name from a list never becomes a path.
 #[test]
 fn values_of_a_list_name_no_files() {

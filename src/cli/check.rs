@@ -12,8 +12,10 @@ use super::shell;
 use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
 use crate::files::{temporary, write_whole};
 use crate::hotfolder;
+use crate::pipeline::{check_fixed_codes, misspelt_fields};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
+use crate::report::LensTableReport;
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArguments {
@@ -51,6 +53,10 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
             Err(failure) => mistakes.push(failure),
         }
     }
+    if let Err(reason) = check_fixed_codes(&station.settings.content) {
+        let reason = reason.in_file(arguments.station.display().to_string());
+        mistakes.push(Failure::new(Exit::Usage, reason));
+    }
     let skus = checked.len();
     mistakes.extend(station.folders.import_trouble().map(|reason| Failure::new(Exit::Usage, reason)));
     refuse_for(mistakes)?;
@@ -80,6 +86,15 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
             "  note        `import` is the station's own folder: set it to the folder that the marking software imports from, or \
              let the marking software import from this one\n",
         );
+    }
+    let mut notices = misspelt_fields(&station.settings.content);
+    if let Some(lens) = station.settings.optics.lens.measured() {
+        let table = LensTableReport::from(lens.residuals());
+        print(&format!("  lens table  {}\n", table.summary()));
+        notices.extend(table.notice());
+    }
+    for notice in &notices {
+        print(&format!("  warning     {} [{}]\n", on_one_line(&notice.message), notice.code));
     }
     if let Some(page) = &station.page {
         print(&format!("  page        {}\n", on_one_line(&page.shown_address())));
@@ -139,7 +154,9 @@ fn check_sku_file(station: &Station, path: &Path) -> Result<Sku, Failure> {
         .map_err(|error| Failure::new(Exit::Usage, error.reason().in_file(path.display().to_string())))?;
     let unreadable = |source| ConfigError::Unreadable { file: path.into(), source };
     let text = std::fs::read_to_string(path).map_err(unreadable)?;
-    station.settings.overridden_by(path, &text)?;
+    let settings = station.settings.overridden_by(path, &text)?;
+    check_fixed_codes(&settings.content)
+        .map_err(|reason| Failure::new(Exit::Usage, reason.in_file(path.display().to_string())))?;
     Ok(sku)
 }
 

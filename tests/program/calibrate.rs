@@ -433,3 +433,54 @@ fn a_lens_table_from_the_measurements_describes_the_same_lens() {
     let width = (beam(marked[1], 25.0) - beam(marked[0], 25.0)).norm();
     assert!((width - 60.0).abs() < 0.05, "{width}");
 }
+
+/// The filled-in table of positions, without noise, of a laser that marks at `seen`.
+fn filled(table: &str, seen: impl Fn(Point2<f64>, f64) -> Point2<f64>) -> String {
+    let lines = table.lines().map(|line| {
+        let cells: Vec<&str> = line.split(';').collect();
+        let [name, z, x, y, "", ""] = cells[..] else { return format!("{line}\n") };
+        let [z_mm, x_mm, y_mm] = [z, x, y].map(|cell| cell.parse::<f64>().unwrap());
+        let at = seen(Point2::new(x_mm, y_mm), z_mm);
+        format!("{name};{z};{x};{y};{:.4};{:.4}\n", at.x, at.y)
+    });
+    lines.collect()
+}
+
+/// A lens with a distortion of 0.8 mm at 80 mm from its axis, growing with the third power: three crosses along each side do not
+/// show it, five do.
+#[test]
+fn a_lens_table_states_how_well_its_beams_are_known() {
+    let lens = |aim: Point2<f64>, z: f64| {
+        let beside = (aim - Point2::from(AXIS)) / 80.0;
+        beam(aim, z).xy() + beside * beside.norm_squared() * 0.8
+    };
+    for (crosses, is_known) in [("3", false), ("5", true)] {
+        let desk = Desk::new();
+        desk.write("station.toml", settings());
+        assert_eq!(calibrate(&desk, &format!("--draw lens --crosses {crosses}")).code, 0);
+        let table = desk.text("lens/lens-positions.csv");
+        desk.write("measured.csv", filled(&table, lens));
+        let options = "--measured measured.csv --stops --reading 1 --table lens/lens.csv --write";
+        let found = result(&desk, options);
+        let predicted = number(&found, "/lens_table/prediction_rms_mm");
+        assert_eq!((predicted < 0.01, predicted > 0.1), (is_known, !is_known), "{found:#}");
+        let warned = |codes: &[&str]| codes.contains(&"lens-table-residual");
+        assert_eq!(warned(&notices(&found)), !is_known, "{found:#}");
+        desk.write("import/.keep", "");
+        let checked = desk.isomark(&["check", "station.toml"]);
+        assert_eq!(checked.code, 0, "{}", checked.err);
+        assert!(checked.out.contains("  lens table  degree "), "{}", checked.out);
+        assert_eq!(checked.out.contains("lens-table-residual"), !is_known, "{}", checked.out);
+        desk.write("plate.obj", "v 60 40 0\nv 180 40 0\nv 180 120 0\nv 60 120 0\nf 1 2 3\nf 1 3 4\n");
+        desk.write("square.dxf", SQUARE.replace("130", "170"));
+        let report =
+            desk.correct("plate.obj", "square.dxf", "--station station.toml --part-unit mm --part-up z");
+        assert_eq!(warned(&notices(&report)), !is_known, "{report:#}");
+        assert!((number(&report, "/lens_table/prediction_rms_mm") - predicted).abs() < 1e-9);
+        // What the laser marks: the report's own error is that of the table.
+        let marked: Vec<_> = lines(&desk.read("out.dxf"), "0").concat();
+        let off = ((lens(marked[1], 0.0) - lens(marked[0], 0.0)).norm() - 100.0).abs();
+        assert_eq!((off < 0.01, off > 0.1), (is_known, !is_known), "{off} mm of length");
+    }
+}
+
