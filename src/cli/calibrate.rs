@@ -570,9 +570,16 @@ fn notices(
     for (axis, scale) in ["x", "y"].iter().zip(found.scale) {
         let off = scale.value - 1.0;
         if off.abs() > NOTABLE_SCALE.max(SURE * scale.deviation) {
+            let advice = match lens_table {
+                // Corrected twice, marks would be wrong by as much in the other direction.
+                Some(_) => {
+                    "the lens table compensates for it: leave the scale in the marking software's calibration as it is, and check the \
+                     ruler. After a change of that calibration, mark and measure again"
+                }
+                None => "correct the scale in the marking software's calibration, or check the ruler",
+            };
             let message = format!(
-                "on the calibrated plane, {axis} is marked {:.4} times as long as drawn; correct the scale in the marking software's \
-                 calibration, or check the ruler",
+                "on the calibrated plane, {axis} is marked {:.4} times as long as drawn; {advice}",
                 scale.value
             );
             notices.push(Notice::warning("field-scale", message));

@@ -426,9 +426,11 @@ const CODES: &[Code] = &[
     notice([
         "field-scale",
         "The marking software's own scale is not true.",
-        "On the calibrated plane, crosses are marked farther apart or nearer than they are drawn. isomark does not correct this: it is \
-         the calibration of the marking software. The lens distances are found in spite of it.",
-        "Correct the scale in the marking software, with its own calibration, or check the ruler.",
+        "On the calibrated plane, crosses are marked farther apart or nearer than they are drawn. With lens \
+         distances, isomark does not correct this: it is the calibration of the marking software. The lens distances are found in \
+         spite of it. A lens table (`--table`) contains the scale as it was measured, and isomark compensates for it.",
+        "With lens distances, correct the scale in the marking software, with its own calibration. With a lens table, leave it as it is, \
+         or mark and measure again after the correction. Check the ruler.",
     ]),
     reason([
         "file-too-large",

@@ -484,3 +484,25 @@ fn a_lens_table_states_how_well_its_beams_are_known() {
     }
 }
 
+/// The table compensates for the scale of the field, so that a correction in the marking software would be the second one.
+#[test]
+fn a_scale_of_the_field_is_corrected_in_one_place() {
+    let desk = desk();
+    let lens = |aim: Point2<f64>, z: f64| Point2::from(beam(aim, z).xy().coords * 1.01);
+    desk.write("measured.csv", filled(&desk.text("lens/lens-positions.csv"), lens));
+    let advice = |found: &Value| {
+        assert_eq!(notices(found)[..2], ["field-scale", "field-scale"], "{found:#}");
+        found["notices"][0]["message"].as_str().unwrap().to_owned()
+    };
+    let message = advice(&result(&desk, "--measured measured.csv --stops"));
+    assert!(message.contains("correct the scale in the marking software's calibration"), "{message}");
+    let message = advice(&result(&desk, "--measured measured.csv --stops --table lens/lens.csv --write"));
+    assert!(message.contains("leave the scale") && !message.contains("correct the scale"), "{message}");
+    desk.write("plate.obj", "v 60 40 25\nv 140 40 25\nv 140 120 25\nv 60 120 25\nf 1 2 3\nf 1 3 4\n");
+    desk.write("square.dxf", SQUARE);
+    desk.correct("plate.obj", "square.dxf", "--station station.toml --part-unit mm --part-up z");
+    let marked: Vec<_> = lines(&desk.read("out.dxf"), "0").concat();
+    let width = (lens(marked[1], 25.0) - lens(marked[0], 25.0)).norm();
+    assert!((width - 60.0).abs() < 0.01, "{width}");
+}
+
