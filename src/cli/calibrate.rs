@@ -36,6 +36,17 @@ const SCHEMA: &str = "isomark.lens/1";
 const NOTABLE_SCALE: f64 = 0.001;
 /// … by more than this number of standard deviations.
 const SURE: f64 = 3.0;
+/// Scales of readings in other units, and what these are.
+const UNITS: [(f64, &str); 6] = [
+    (1.0 / 25.4, "in inches"),
+    (25.4, "in mm of a drawing in inches"),
+    (0.1, "in cm"),
+    (10.0, "in tenths of a mm"),
+    (0.001, "in m"),
+    (1000.0, "in micrometres"),
+];
+/// A scale that differs by less than this share from that of a unit is that of the unit.
+const UNIT_SHARE: f64 = 0.05;
 /// A lens axis that is further from the middle of the field than this share of its longer side is stated.
 const NOTABLE_OFFSET: f64 = 0.05;
 
@@ -233,8 +244,28 @@ pub(super) fn run(arguments: &CalibrateArguments) -> Outcome {
     }
     let found =
         LensCalibration::fit(&named.readings).map_err(|error| Failure::rejected(reason(&error, &named)))?;
+    readings_are_mm(&found)?;
     stops_are_shared(&found, &field.extents())?;
     finish(arguments, &station, &field.extents(), &named, &found)
+}
+
+/// Refuses a scale that only another unit explains.
+fn readings_are_mm(found: &LensCalibration) -> Outcome {
+    let Some((scale, unit)) = found.scale.iter().find_map(|scale| {
+        let is = |(ratio, _): &&(f64, &str)| (scale.value / ratio - 1.0).abs() < UNIT_SHARE;
+        UNITS.iter().find(is).map(|(_, unit)| (scale.value, unit))
+    }) else {
+        return Ok(());
+    };
+    let what = format!(
+        "On the calibrated plane, marks are measured {scale:.4} times as long as drawn: the readings are {unit}."
+    );
+    let reason = Reason::new(
+        "measurements-unit",
+        what,
+        "Give all readings in mm, with the decimal sign at its place.",
+    );
+    Err(Failure::rejected(reason.with_number("scale", scale, "", None)))
 }
 
 /// Refuses an axis that is not in the field: a lens is over its field, so that the plates were not held against the same stops.

@@ -1038,6 +1038,13 @@ const CODES: &[Code] = &[
         "Exchange the two columns, or measure x to the right and y upwards.",
     ]),
     reason([
+        "measurements-unit",
+        "The readings are in another unit than mm.",
+        "All marks are measured smaller or larger than drawn by a factor that is that of a unit, such as 0.0394 for inches. No marking \
+         software is off by as much.",
+        "Give all readings in mm, and run the command again.",
+    ]),
+    reason([
         "measurements-unreadable",
         "A table of measurements cannot be read.",
         "`isomark calibrate` and `isomark register` read tables with a line of column names and one line for each measurement, as \

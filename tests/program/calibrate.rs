@@ -506,3 +506,12 @@ fn a_scale_of_the_field_is_corrected_in_one_place() {
     assert!((width - 60.0).abs() < 0.01, "{width}");
 }
 
+#[test]
+fn readings_in_another_unit_are_refused() {
+    let desk = desk();
+    let table = desk.text("lens/lens-positions.csv");
+    for (factor, unit) in [(1.0 / 25.4, "in inches"), (0.1, "in cm"), (10.0, "in tenths of a mm")] {
+        desk.write("measured.csv", filled(&table, |aim, z| Point2::from(beam(aim, z).xy().coords * factor)));
+        calibrate(&desk, "--measured measured.csv").refused(1, &["measurements-unit", unit, "in mm"]);
+    }
+}
