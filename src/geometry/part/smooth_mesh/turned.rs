@@ -652,14 +652,30 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Whether a curve turns by less than [`MOST_BEND`] from one chord to the next.
-fn bends_smoothly(points: &[[f64; 2]], order: &[usize], is_closed: bool) -> bool {
-    let chord = |pair: [usize; 2]| {
-        let [from, to] = pair.map(|index| points[order[index % order.len()]]);
-        Vector2::new(to[0] - from[0], to[1] - from[1])
+/// The pieces of a curve through points between places where it bends by more than [`MOST_BEND`] from one chord to the next.
+fn smooth_pieces(points: &[[f64; 2]], mut order: Vec<usize>, is_closed: bool) -> Vec<(Vec<usize>, bool)> {
+    let is_corner = |order: &[usize], at: usize| {
+        let count = order.len();
+        let [before, here, after] = [at + count - 1, at, at + 1].map(|at| points[order[at % count]]);
+        let chord = |from: [f64; 2], to: [f64; 2]| Vector2::new(to[0] - from[0], to[1] - from[1]);
+        chord(before, here).angle(&chord(here, after)) > MOST_BEND
     };
-    let count = if is_closed { order.len() } else { order.len() - 2 };
-    (0..count).all(|at| chord([at, at + 1]).angle(&chord([at + 1, at + 2])) < MOST_BEND)
+    if is_closed {
+        let Some(corner) = (0..order.len()).find(|&at| is_corner(&order, at)) else {
+            return vec![(order, true)];
+        };
+        order.rotate_left(corner);
+        order.push(order[0]);
+    }
+    let mut pieces = Vec::new();
+    let mut first = 0;
+    for at in 1..order.len() {
+        if at + 1 == order.len() || is_corner(&order, at) {
+            pieces.push((order[first..=at].to_vec(), false));
+            first = at;
+        }
+    }
+    pieces
 }
 
 /// The curves on which points are that follow each other, each in its order, and whether it is closed. Of the points `beside` one and
@@ -701,14 +717,11 @@ fn curves(points: &[[f64; 2]], beside: &[BTreeSet<usize>]) -> Vec<(Vec<usize>, b
                 let Some(&onward) = next[here].iter().find(|&&point| !is_seen[point]) else { break };
                 here = onward;
             }
-            let is_closed = ends == 2;
             let others = order.iter().flat_map(|&point| &beside[point]);
             let of_other_curves = others.clone().filter(|other| !order.contains(other)).count();
-            if order.len() >= LEAST_RINGS
-                && of_other_curves as f64 <= MOST_OF_OTHERS * others.count() as f64
-                && bends_smoothly(points, &order, is_closed)
-            {
-                curves.push((order, is_closed));
+            if of_other_curves as f64 <= MOST_OF_OTHERS * others.count() as f64 {
+                let pieces = smooth_pieces(points, order, ends == 2).into_iter();
+                curves.extend(pieces.filter(|(order, _)| order.len() >= LEAST_RINGS));
             }
         }
     }
