@@ -64,6 +64,7 @@ mod preview;
 mod on_part;
 mod progress;
 mod recent;
+mod regions;
 mod rotary;
 mod task;
 
@@ -290,6 +291,8 @@ impl Pipeline {
         steps.at(Step::Map);
         let whole = learned;
         let near = whole.near(&placed_pattern, settings);
+        let seen = near.as_ref().unwrap_or(whole).on_marked_regions(&placed_pattern, whole, settings);
+        let near = seen.or(near);
         let learned = near.as_ref().unwrap_or(whole);
         let part = &learned.kept;
         let surface = &part.surface;

@@ -16,11 +16,13 @@ use crate::geometry::ink::Ink;
 use crate::geometry::mapping::quality;
 use crate::geometry::mapping::{LengthTrueMap, MapError, is_on_part};
 use crate::geometry::pattern::{Affine, Pattern};
-use crate::geometry::space::{Extents, FlatPoint};
+use crate::geometry::space::FlatPoint;
+use crate::geometry::surface::fit::FittedSurface;
 use crate::reason::{Notice, Reason};
 use crate::report::{FrameReport, FrameSource, PlacementReport, RoundReport};
 
 /// A placed drawing.
+#[derive(Clone)]
 pub(super) struct PlacedPattern {
     pub(super) facts: PatternFacts,
     pub(super) placing: Placing,
@@ -152,19 +154,15 @@ impl LearnedPart {
         if settings.rotary.tiles != Tiles::Off {
             return None;
         }
-        let mut extents = drawing.ink.extents;
-        extents.include(drawing.placing.place.coords());
-        if settings.placement.align == Align::Axis {
-            // The drawing may still be turned about its anchor.
-            let place = drawing.placing.place.coords();
-            let far = (extents.max - place).sup(&(place - extents.min)).norm();
-            extents = Extents { min: place, max: place }.grown(far);
-        }
+        self.kept.surface.round(&drawing.extents(settings)).map(|surface| self.with_surface(surface))
+    }
+
+    /// The same part with the surface that a drawing needs of it.
+    pub(super) fn with_surface(&self, surface: FittedSurface) -> Self {
         let Self { kept, key, from_cache, settings, notices, timings, recent: _, mesh: _ } = self;
-        let CachedSurface { origin, facts, surface, mark } = kept;
-        let surface = surface.round(&extents)?;
+        let CachedSurface { origin, facts, surface: _, mark } = kept;
         let (origin, facts, mark) = (origin.clone(), facts.clone(), mark.clone());
-        Some(Self {
+        Self {
             kept: CachedSurface { origin, facts, surface, mark },
             key: key.clone(),
             from_cache: *from_cache,
@@ -174,7 +172,7 @@ impl LearnedPart {
             timings: timings.clone(),
             // What is remembered follows from the surface, and that from the drawing and the settings.
             recent: RecentDrawings::default(),
-        })
+        }
     }
 }
 
@@ -193,6 +191,7 @@ impl PlacedPattern {
 }
 
 /// The placement of a drawing: its anchor, the anchor's place in the view, and the rigid motion between them.
+#[derive(Clone)]
 pub(super) struct Placing {
     pub(super) anchor: FlatPoint,
     pub(super) place: FlatPoint,

@@ -50,3 +50,4 @@ mod fill;
 mod rotary;
 mod plan;
 mod step;
+mod drilled;

@@ -12,6 +12,8 @@ const MAX_POINTS: usize = 1500;
 pub(super) const FEW_POINTS: usize = 200;
 /// Minimum number of points.
 const MIN_POINTS: usize = 25;
+/// With so many sampled points, those between samples are not needed.
+const LEAST_SAMPLED: usize = 4 * MIN_POINTS;
 /// Sampled points of a part, mm, with their unit normals on the laser's side, in the frame of the view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampledPatch {
@@ -46,19 +48,26 @@ impl SampledPatch {
     fn sampled(surface: &FittedSurface, under: &Extents, most: usize) -> Result<Self, TooFewPoints> {
         let min_side = (under.size().max() / 4.0).max(6.0 * surface.field.step());
         let under = under.grown_to(min_side);
-        let nodes: Vec<(ViewPoint, f64)> = surface
+        let columns = surface.field.size().0;
+        let mut nodes: Vec<(ViewPoint, f64, bool)> = surface
             .field
             .surface_nodes_about(&under)
-            .map(|(column, row, height)| (surface.field.position(column, row), height))
-            .filter(|(at, _)| under.contains(at.coords()))
+            .map(|(column, row, height)| {
+                (surface.field.position(column, row), height, surface.is_sampled(row * columns + column))
+            })
+            .filter(|(at, ..)| under.contains(at.coords()))
             .collect();
+        // What is between samples is only near the part.
+        if nodes.iter().filter(|(_, _, is_sampled)| *is_sampled).count() >= LEAST_SAMPLED {
+            nodes.retain(|(_, _, is_sampled)| *is_sampled);
+        }
         if nodes.len() < MIN_POINTS {
             return Err(TooFewPoints { points: nodes.len() });
         }
         let step = nodes.len().div_ceil(MAX_POINTS);
         let kept = nodes.iter().step_by(step * nodes.len().div_ceil(step * most));
         let (points, normals) = kept
-            .map(|(at, height)| {
+            .map(|(at, height, _)| {
                 let gradient = surface.jet(*at).gradient;
                 let normal = Vector3::new(-gradient.x, -gradient.y, 1.0).normalize();
                 (Point3::new(at.x, at.y, *height), normal)

@@ -20,6 +20,7 @@ pub mod flat_shading;
 pub mod curved_triangle;
 pub mod solid;
 pub mod height_field;
+pub mod regions;
 pub mod mark_region;
 pub mod sides;
 pub mod rims;

@@ -1,5 +1,6 @@
 //! The fit of a NURBS surface to a height field, refined until it meets the requested tolerance.
 
+mod on_regions;
 mod windows;
 
 use std::ops::Range;
@@ -106,6 +107,8 @@ pub struct FittedSurface {
     /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
     known: Vec<RoundForm>,
     windows: Vec<Window>,
+    /// For each node, whether the part was sampled there; empty if it was at all. Others are between samples of larger spans.
+    sampled: Vec<bool>,
 }
 
 /// A rectangle of a part with smaller spans.
@@ -390,7 +393,8 @@ impl FittedSurface {
         });
         let residual = Residual::of(&field, &differences);
         let (doubts, uncertainties, known) = (Vec::new(), Vec::new(), Vec::new());
-        Self { nurbs, field, residual, differences, doubts, uncertainties, known, windows: Vec::new() }
+        let (windows, sampled) = (Vec::new(), Vec::new());
+        Self { nurbs, field, residual, differences, doubts, uncertainties, known, windows, sampled }
     }
 
     /// The surface with the doubts about each node of its field (see [`PartSamples::doubts`] and
@@ -413,6 +417,11 @@ impl FittedSurface {
     /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
     pub fn known(&self) -> &[RoundForm] {
         &self.known
+    }
+
+    /// Whether the part was sampled at a node; otherwise its height is between samples of larger spans.
+    pub(crate) fn is_sampled(&self, node: usize) -> bool {
+        self.sampled.get(node).copied().unwrap_or(true)
     }
 
     /// The doubt of each node, mm; empty where there is none.
@@ -707,20 +716,32 @@ fn heights_at_nodes(nurbs: &NurbsSurface, field: &HeightField) -> Vec<f64> {
     nurbs.heights_over(&xs, &ys)
 }
 
-/// The marked nodes and those within `reach` steps of them, in rows of `columns` nodes.
+/// The marked nodes and those within `reach` steps of them along rows and columns, in rows of `columns` nodes.
 fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
-    let mut marked = marked.to_vec();
-    for _ in 0..reach {
-        let seeds: Vec<usize> = (0..marked.len()).filter(|&node| marked[node]).collect();
-        for node in seeds {
-            let (column, row) = (node % columns, node / columns);
-            for row in row.saturating_sub(1)..(row + 2).min(marked.len() / columns) {
-                marked[row * columns + column.saturating_sub(1)..row * columns + (column + 2).min(columns)]
-                    .fill(true);
+    let rows = marked.len() / columns;
+    let along_rows = grown_along(marked, (rows, columns), (columns, 1), reach);
+    grown_along(&along_rows, (columns, rows), (1, columns), reach)
+}
+
+/// The same along lines of nodes only: `lines` and the nodes of each, and the distances in the list from line to line and from node
+/// to node.
+fn grown_along(
+    marked: &[bool],
+    (lines, nodes): (usize, usize),
+    (to_line, to_node): (usize, usize),
+    reach: usize,
+) -> Vec<bool> {
+    let mut grown = vec![false; marked.len()];
+    for line in 0..lines {
+        let mut done = 0;
+        for node in (0..nodes).filter(|node| marked[line * to_line + node * to_node]) {
+            for near in node.saturating_sub(reach).max(done)..(node + reach + 1).min(nodes) {
+                grown[line * to_line + near * to_node] = true;
+                done = near + 1;
             }
         }
     }
-    marked
+    grown
 }
 
 /// The tangent of the angle between the normals of two slopes, at most that of the steepest surface.

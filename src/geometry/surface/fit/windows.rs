@@ -104,6 +104,8 @@ struct KnownNode {
     difference: f64,
     doubt: f64,
     uncertainty: Uncertainty,
+    /// Whether the part was sampled there.
+    is_sampled: bool,
 }
 
 impl KnownNode {
@@ -113,6 +115,7 @@ impl KnownNode {
             difference: surface.differences[node],
             doubt: surface.doubts.get(node).copied().unwrap_or_default(),
             uncertainty: surface.uncertainties.get(node).copied().unwrap_or(Uncertainty::NONE),
+            is_sampled: surface.is_sampled(node),
         }
     }
 
@@ -137,6 +140,7 @@ impl KnownNode {
                 .iter()
                 .map(|known| known.uncertainty)
                 .fold(Uncertainty::NONE, Uncertainty::largest),
+            is_sampled: false,
         }
     }
 }
@@ -229,7 +233,7 @@ fn common(one: &Range<usize>, other: &Range<usize>) -> Range<usize> {
 }
 
 /// The rectangle of spans of a level that covers `spans` of a `finer` one, that many halvings later.
-fn covering(spans: &[Range<usize>; 2], finer: usize) -> [Range<usize>; 2] {
+pub(super) fn covering(spans: &[Range<usize>; 2], finer: usize) -> [Range<usize>; 2] {
     spans.clone().map(|range| range.start >> finer..range.end.div_ceil(1 << finer))
 }
 
@@ -262,7 +266,7 @@ impl FittedSurface {
     }
 
     /// The surface with windows, which change its residual.
-    fn through(mut self, windows: Vec<Window>) -> Self {
+    pub(super) fn through(mut self, windows: Vec<Window>) -> Self {
         self.windows = windows;
         if !self.windows.is_empty() {
             self.residual = Residual::of(&self.field, &self.finest_differences());
@@ -313,7 +317,7 @@ impl FittedSurface {
     }
 
     /// The surface over spans of a level, with all windows up to it.
-    fn over(&self, level: usize, spans: &[Range<usize>; 2]) -> Option<NurbsSurface> {
+    pub(super) fn over(&self, level: usize, spans: &[Range<usize>; 2]) -> Option<NurbsSurface> {
         let mut covered = covering(spans, level);
         let mut nurbs = self.nurbs.cropped(&covered)?;
         for level in 1..=level {
@@ -488,7 +492,10 @@ impl FittedSurface {
             false => Vec::new(),
         };
         let uncertainties = known.nodes.iter().map(|known| known.uncertainty).collect();
-        Some(Self::compare(nurbs, field).doubted(doubts, uncertainties).with_known(self.known.clone()))
+        let surface =
+            Self::compare(nurbs, field).doubted(doubts, uncertainties).with_known(self.known.clone());
+        let sampled = known.nodes.iter().map(|known| known.is_sampled).collect();
+        Some(Self { sampled, ..surface })
     }
 }
 
