@@ -620,3 +620,38 @@ fn a_thin_rod_on_a_wide_plate_is_marked_as_a_cylinder() {
     let half = 6.0 * 0.5f64.sin();
     assert_near(&across, &[-half, 17.0, half, 23.0], 0.002);
 }
+
+/// An open LWPOLYLINE through these points.
+fn polyline(points: impl IntoIterator<Item = [f64; 2]>) -> String {
+    let points: Vec<String> = points.into_iter().map(|[x, y]| format!("10\n{x}\n20\n{y}\n")).collect();
+    format!("0\nLWPOLYLINE\n8\n0\n90\n{}\n70\n0\n{}", points.len(), points.concat())
+}
+
+#[test]
+fn an_arc_round_a_cone_that_is_marked_as_one_line_has_its_length() {
+    let desk = Desk::new();
+    // From D50 to D90 over 60 mm: at the middle, with a radius of 35 mm, the apex is s = 35 / sin(a) away, with tan(a) = 1/3.
+    let sine = (1.0f64 / 3.0).atan().sin();
+    let middle = 35.0 / sine;
+    let radius = middle - 15.0;
+    let steps = 180;
+    let point = |step: i32| {
+        let (sin, cos) = ((f64::from(step) / f64::from(steps) - 0.5) * sine).sin_cos();
+        [radius * sin, radius * cos - middle]
+    };
+    desk.write("arc.dxf", entities(&polyline((0..=steps).map(point))));
+    let arguments = "--cone 50,90,60 arc.dxf --anchor origin --out out.dxf --json";
+    let report = |more: &str| -> Value {
+        let arguments = format!("correct {arguments} {more}");
+        let output = desk.isomark(&arguments.split_whitespace().collect::<Vec<_>>());
+        serde_json::from_str(&output.out).unwrap_or_else(|error| panic!("{error}: {}", output.err))
+    };
+    let straight = report("");
+    // A circle about the axis is a straight line as the laser sees it from beside the cone.
+    let marked = vertices(&pattern(&desk.read("out.dxf")));
+    assert_eq!(marked.len(), 1, "one line: {marked:?}");
+    assert!(number(&straight, "/quality/after/length_error_mm") < 1e-3, "{}", straight["quality"]);
+    assert!(number(&straight, "/quality/after/largest_stretch") < 1e-4, "{}", straight["quality"]);
+    let round = report("--rotary=12");
+    assert!(number(&round, "/quality/after/length_error_mm") < 2e-3, "{}", round["quality"]);
+}

@@ -29,6 +29,9 @@ pub(super) struct Chords {
     pub(super) drawn: Vec<f64>,
     /// The length that each chord needs to mark that of its curve, mm: less where the field bends it.
     pub(super) goals: Vec<f64>,
+    /// The largest share of what each chord misses of its curve that the mark may miss, too, if no vertex moves: 0 where the line
+    /// of the field is the image of the curve.
+    pub(super) missed: Vec<f64>,
     /// Whether the vertex may move.
     pub(super) is_free: Vec<bool>,
     /// Whether the first vertex follows the last chord.
@@ -91,11 +94,12 @@ impl Chords {
         self.differing(|chord| self.drawn[chord] - self.length(chord))
     }
 
-    /// The same after [`lengthen`](Self::lengthen). Chords whose ends stayed miss as much as their curves show.
+    /// The same after [`lengthen`](Self::lengthen). Chords whose ends stayed miss as much as their curves show where the field does
+    /// not bend them.
     pub(super) fn shortening(&self) -> Shortening {
         self.differing(|chord| match self.is_free[chord] || self.is_free[chord + 1] {
             true => self.missing(chord),
-            false => self.drawn[chord] - self.length(chord),
+            false => (self.drawn[chord] - self.length(chord)) * self.missed[chord],
         })
     }
 
@@ -180,7 +184,8 @@ mod tests {
             vertices[count] = vertices[0];
         }
         let drawn: Vec<f64> = (0..count).map(length).collect();
-        Chords { vertices, goals: drawn.clone(), drawn, is_free: vec![true; count + 1], is_closed }
+        let (goals, missed) = (drawn.clone(), vec![1.0; count]);
+        Chords { vertices, goals, missed, drawn, is_free: vec![true; count + 1], is_closed }
     }
 
     trait IntoPoint {
@@ -255,6 +260,7 @@ mod tests {
         chords.vertices.insert(0, FlatPoint::new(2.0, -10.0));
         chords.drawn.insert(0, 10.0);
         chords.goals.insert(0, 10.0);
+        chords.missed.insert(0, 1.0);
         chords.is_free.push(true);
         let before = chords.vertices.clone();
         chords.is_free[3] = false;
@@ -268,6 +274,7 @@ mod tests {
             vertices: vertices.clone(),
             drawn: vec![1.005; 2],
             goals: vec![1.005; 2],
+            missed: vec![1.0; 2],
             is_free: vec![true; 3],
             is_closed: false,
         };
@@ -278,6 +285,7 @@ mod tests {
             vertices: vec![same; 4],
             drawn: vec![0.0; 3],
             goals: vec![0.0; 3],
+            missed: vec![1.0; 3],
             is_free: vec![true; 4],
             is_closed: true,
         };

@@ -205,15 +205,19 @@ impl Projection<'_> {
         junctions: Option<&Junctions>,
     ) -> Result<Chords, AboveLens> {
         let steps: Vec<usize> = segments.iter().map(|segment| segment.steps(DRAWN)).collect();
-        let (mut drawn, mut goals) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
+        let [mut drawn, mut goals, mut missed] = std::array::from_fn(|_| Vec::with_capacity(points.len()));
         for ends in points.windows(2) {
             let [from, to] = [&ends[0], &ends[1]];
             let chord = from.flat.distance(to.flat);
             let length = drawn_length(segments, &steps, [from.on, to.on]);
             let missing = length - chord;
-            let left = if missing > STRAIGHT * chord { self.straightness(segments, from, to)? } else { 1.0 };
+            let [left, most] = match missing > STRAIGHT * chord {
+                true => self.straightness(segments, from, to)?,
+                false => [1.0; 2],
+            };
             drawn.push(length);
             goals.push(chord + missing * left);
+            missed.push(most);
         }
         let is_free = |point: &Aimed| {
             let (number, share) = point.on;
@@ -229,21 +233,38 @@ impl Projection<'_> {
             is_smooth(&segments[before], &segments[number % segments.len()])
         };
         let vertices = points.iter().map(|point| point.flat).collect();
-        Ok(Chords { vertices, drawn, goals, is_free: points.iter().map(is_free).collect(), is_closed })
+        let is_free = points.iter().map(is_free).collect();
+        Ok(Chords { vertices, drawn, goals, missed, is_free, is_closed })
     }
 
-    /// The share of what a chord in the plane of the drawing misses that the mark misses, too: the line of the field from end to
-    /// end is itself a curve on the part. 1 where it marks the chord, 0 where it marks the drawn curve.
-    fn straightness(&self, segments: &[Segment], from: &Aimed, to: &Aimed) -> Result<f64, AboveLens> {
+    /// The share of what a chord in the plane of the drawing misses that the mark misses, too, by what is in the middle; and the
+    /// largest share by this and by the quarters.
+    fn straightness(&self, segments: &[Segment], from: &Aimed, to: &Aimed) -> Result<[f64; 2], AboveLens> {
         let ((first, start), (last, end)) = (from.on, to.on);
         let middle = match first == last {
             true => segments[first].point(f64::midpoint(start, end)),
             false => segments[(first + last).div_ceil(2)].start(),
         };
+        let left = self.straightness_beside(middle, from, to)?;
+        let mut most = left.abs();
+        let [start, end] = [first as f64 + start, last as f64 + end];
+        for share in [0.25, 0.75] {
+            let on = start + share * (end - start);
+            let number = (on as usize).min(last);
+            let point = segments[number].point(on - number as f64);
+            most = most.max(self.straightness_beside(point, from, to)?.abs());
+        }
+        // A chord that the field bends to the other side has no more to lose than its curve.
+        Ok([left, most.min(1.0)])
+    }
+
+    /// The same by one point of the curve: the line of the field from end to end is itself a curve on the part. 1 where it marks the
+    /// chord, 0 where it marks the drawn curve.
+    fn straightness_beside(&self, point: FlatPoint, from: &Aimed, to: &Aimed) -> Result<f64, AboveLens> {
         // Of the chord's point beside it, so that both images differ across the chord only.
         let chord = to.flat - from.flat;
-        let share = (middle - from.flat).dot(&chord) / chord.norm_squared();
-        let [curved, straight] = [self.aim(middle)?, self.aim(from.flat.lerp(to.flat, share))?];
+        let share = (point - from.flat).dot(&chord) / chord.norm_squared();
+        let [curved, straight] = [self.aim(point)?, self.aim(from.flat.lerp(to.flat, share))?];
         let bulge = curved - straight;
         let marked = from.field.lerp(to.field, share) - straight;
         let bent = marked.dot(&bulge) / bulge.norm_squared();
