@@ -440,7 +440,7 @@ impl Pipeline {
                     .map(|(tiles, report)| tiles.picture(report, &drawing)),
             };
             let mut preview =
-                preview::preview(title, (&placed, ink), map, surface, settings, distortions, shown);
+                preview::preview(title, (&placed, ink), &projection, settings, distortions, shown);
             if let Some(filled) = &filled {
                 preview::add_fill(&mut preview, filled, (map, surface), placing.place, &after);
             }
@@ -450,8 +450,8 @@ impl Pipeline {
             clock.lap("prepare preview");
         }
         // Of a part that turns, the drawing is on no plane.
-        let on_one_side = before.as_ref().filter(|_| tiles.is_none());
-        notices.extend(checks::notices_of_part(&part.facts, on_one_side, &after).cloned());
+        let as_seen = || mapped.as_seen(surface).filter(|_| tiles.is_none());
+        notices.extend(checks::notices_of_part(&part.facts, as_seen, &after).cloned());
         notices.extend(facts.repairs.iter().map(|repair| {
             let on_part = |place: &RepairPlace| {
                 let [x, y] = place.at_mm;
@@ -514,7 +514,7 @@ impl Pipeline {
         let marked = with_pictures.then(|| Marked {
             sku: sku.clone(),
             drawing: input.name.to_owned(),
-            drawn_range: preview::before_range(before.as_ref(), ink, surface),
+            drawn_range: preview::before_range(before.as_ref(), ink, &projection),
             mark_range: after.stretch_range,
             length: after.length,
             is_round: tiles.is_some(),
@@ -525,6 +525,8 @@ impl Pipeline {
                 None => placed.with_layers(is_ink),
             },
             map: map.clone(),
+            fixture: projection.fixture,
+            head: projection.head,
             surface: near.as_ref().map(|near| Arc::new(near.kept.surface.clone())),
             drawn,
         });

@@ -307,7 +307,8 @@ pub struct WeightsReport {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct Quality {
-    /// Without the correction; absent if the drawing would then not be completely on the part.
+    /// Without the correction, as this laser would mark the drawing, with its lens and the height of the part; absent if the drawing would
+    /// then not be completely on the part.
     pub before: Option<DistortionReport>,
     /// With the correction.
     pub after: DistortionReport,

@@ -26,7 +26,10 @@ pub(super) struct MappedInk {
     results: OnceLock<Result<Results, ViewPoint>>,
 }
 
-/// The errors with the correction, and without it if all ink is on the part then.
+/// A point of the view, mm, on no part.
+const BESIDE_ANY_PART: ViewPoint = ViewPoint::new(1e9, 1e9);
+
+/// The errors with the correction, and without it as this laser would mark the drawing, if all ink is on the part then.
 pub(super) type Results = (Distortion, Option<Distortion>);
 
 impl MappedInk {
@@ -86,8 +89,15 @@ impl MappedInk {
         *self.results.get_or_init(|| {
             let Self { ink, map, .. } = self;
             let after = measured(ink, map, &|at| map.point(at), surface)?;
-            Ok((after, measured(ink, map, &|at| ViewPoint::from(at.coords()), surface).ok()))
+            let projection = self.projection(surface);
+            let uncorrected = |at: FlatPoint| projection.uncorrected(at).unwrap_or(BESIDE_ANY_PART);
+            Ok((after, measured(ink, map, &uncorrected, surface).ok()))
         })
+    }
+
+    /// The errors of the drawing as it is under a beam that is parallel to the view, if all ink is on the part then.
+    pub(super) fn as_seen(&self, surface: &FittedSurface) -> Option<Distortion> {
+        measured(&self.ink, &self.map, &|at| ViewPoint::from(at.coords()), surface).ok()
     }
 }
 

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use nalgebra::Point3;
 
 use crate::config::Sku;
+use crate::geometry::correction::Projection;
 use crate::geometry::mapping::LengthTrueMap;
+use crate::geometry::optics::{Fixture, ScanHead};
 use crate::geometry::pattern::Pattern;
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::space::{Extents, FlatPoint};
@@ -22,6 +24,8 @@ pub struct Marked {
     /// The lines of its fill that pictures show.
     pub(super) fill: Pattern,
     pub(super) map: LengthTrueMap,
+    pub(super) fixture: Fixture,
+    pub(super) head: ScanHead,
     /// The surface round the drawing, if it has smaller spans there than that of the whole part.
     pub(super) surface: Option<Arc<FittedSurface>>,
     /// For each path of the corrected drawing, the points of the placed drawing that its points mark.
@@ -43,6 +47,8 @@ impl Marked {
             ink,
             fill,
             map,
+            fixture,
+            head,
             // It follows from the part and the drawing.
             surface: _,
             drawn,
@@ -54,11 +60,17 @@ impl Marked {
         (sku, is_round, length, drawn_range, mark_range)
             == (&other.sku, &other.is_round, &other.length, &other.drawn_range, &other.mark_range)
             && (ink, fill, map, drawn) == (&other.ink, &other.fill, &other.map, &other.drawn)
+            && (fixture, head) == (&other.fixture, &other.head)
     }
 
     /// The surface under the mark, given that of the whole part.
     pub(super) fn surface<'a>(&'a self, whole: &'a FittedSurface) -> &'a FittedSurface {
         self.surface.as_deref().unwrap_or(whole)
+    }
+
+    /// How the drawing comes onto this surface of the part.
+    pub(super) fn projection<'a>(&'a self, surface: &'a FittedSurface) -> Projection<'a> {
+        Projection { map: &self.map, surface, fixture: self.fixture, head: self.head }
     }
 
     /// The rectangle of the view with all corners of the drawing, as drawn and as mapped.

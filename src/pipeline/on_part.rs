@@ -42,6 +42,7 @@ impl Pipeline {
 
     fn drawn_on_part(&self, learned: &LearnedPart, marked: &Marked) -> OnPart {
         let surface = marked.surface(&learned.kept.surface);
+        let projection = marked.projection(surface);
         let view = view_of(&learned.settings);
         let area = marked.area().grown(MARGIN).outwards_to(AREA_STEP);
         let part = learned.recent.part(&area, || self.drawn_part(learned, &marked.sku, &view, &area));
@@ -58,7 +59,7 @@ impl Pipeline {
         let mut mark = lines(&marked.ink, marked, &view, landing, raise);
         mark.extend(lines(&marked.fill, marked, &view, landing, raise));
         let plain = |flat: FlatPoint| {
-            let at = ViewPoint::from(flat.coords());
+            let at = projection.uncorrected(flat).unwrap_or_else(|| flat.coords().into());
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
         };
         // A drawing that goes round is wider than the part.

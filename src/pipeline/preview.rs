@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix2, Point3, Vector2};
 
 use super::fill::Filled;
-use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern};
+use super::{Distortion, FittedSurface, JobSettings, LengthTrueMap, Pattern, Projection};
 use crate::geometry::height_field::Node;
 use crate::geometry::ink::{Ink, stations};
 use crate::geometry::mapping::quality;
@@ -42,12 +42,12 @@ pub(super) struct Shown {
 pub(super) fn preview(
     title: String,
     (placed, ink): (&Pattern, &Ink),
-    map: &LengthTrueMap,
-    surface: &FittedSurface,
+    projection: &Projection<'_>,
     settings: &JobSettings,
     (before, after): (Option<&Distortion>, &Distortion),
     Shown { part_outline, residual_under_ink, anchor, part_size, heights, tiles }: Shown,
 ) -> Preview {
+    let Projection { map, surface, .. } = *projection;
     let piece = piece(after.length);
     let lines = |map: &dyn Fn(FlatPoint) -> ViewPoint| paths(placed, piece, map, surface);
     // The field is given in the laser's frame, and the preview shows the view. Without a rotation, the two differ
@@ -86,7 +86,7 @@ pub(super) fn preview(
             residual.rms, residual.max, residual.at.x, residual.at.y
         ),
     ));
-    let plain = |at: FlatPoint| ViewPoint::from(at.coords());
+    let plain = |at: FlatPoint| uncorrected(projection, at);
     let marked = lines(&|at| map.point(at));
     Preview {
         title,
@@ -95,7 +95,7 @@ pub(super) fn preview(
         unrolled: unrolled(placed, (map, surface), piece, anchor, after.max_stretch, &marked),
         after: marked,
         part_size,
-        before_range: before_range(before, ink, surface),
+        before_range: before_range(before, ink, projection),
         after_range: Some(after.stretch_range),
         field,
         summary,
@@ -189,13 +189,18 @@ impl Development {
 pub(super) fn before_range(
     before: Option<&Distortion>,
     ink: &Ink,
-    surface: &FittedSurface,
+    projection: &Projection<'_>,
 ) -> Option<[f64; 2]> {
-    let plain = |at: FlatPoint| ViewPoint::from(at.coords());
+    let plain = |at: FlatPoint| uncorrected(projection, at);
     match before {
         Some(before) => Some(before.stretch_range),
-        None => quality::stretch_range(ink, plain, |at| surface.sampled_height(at)),
+        None => quality::stretch_range(ink, plain, |at| projection.surface.sampled_height(at)),
     }
+}
+
+/// Where a point of the drawing lands without a correction; as it is seen where the beam is not known to meet the part.
+fn uncorrected(projection: &Projection<'_>, at: FlatPoint) -> ViewPoint {
+    projection.uncorrected(at).unwrap_or_else(|| at.coords().into())
 }
 
 /// The part's heights, and the residuals of the fit, of which those above `limit` mm are shown: at edges, which no

@@ -655,3 +655,44 @@ fn an_arc_round_a_cone_that_is_marked_as_one_line_has_its_length() {
     let round = report("--rotary=12");
     assert!(number(&round, "/quality/after/length_error_mm") < 2e-3, "{}", round["quality"]);
 }
+
+#[test]
+fn without_a_correction_a_perspective_lens_marks_what_is_nearer_to_it_smaller() {
+    let desk = Desk::new();
+    let lens = |distance: f64| {
+        format!(
+            "--set optics.kind=\"perspective\" --set optics.lens_distance_x_mm={distance} \
+             --set optics.lens_distance_y_mm={distance} --set fixture.z_mm=20"
+        )
+    };
+    let marked = |part: &str, drawing: &str, options: &str| -> Value {
+        let arguments = format!("correct {part} {drawing} --anchor origin --out out.dxf --json {options}");
+        let output = desk.isomark(&arguments.split_whitespace().collect::<Vec<_>>());
+        serde_json::from_str(&output.out).unwrap_or_else(|error| panic!("{error}: {}", output.err))
+    };
+    desk.write("along.dxf", entities(&polyline([[-30.0, 0.0], [30.0, 0.0]])));
+    let of = |report: &Value, which: &str| number(report, &format!("/quality/{which}/length_error_mm"));
+    for distance in [150.0, 400.0] {
+        let report = marked("--cylinder 80,120 --axis x", "along.dxf", &lens(distance));
+        // The beams meet at the lens, so that at 20 mm the line is shorter in the ratio of the distances from the lens.
+        assert_near(&[of(&report, "before")], &[60.0 * 20.0 / distance], 1e-3);
+        assert!(of(&report, "after") < 1e-3);
+    }
+    let parallel = marked("--cylinder 80,120 --axis x", "along.dxf", "--set fixture.z_mm=20");
+    assert!(of(&parallel, "before") < 1e-3);
+    // Across the cylinder, a beam from the lens at (0, 150) to (x, 0) is at z where it meets the circle of 40 mm about (0, -20).
+    desk.write("across.dxf", entities(&polyline([[-20.0, 0.0], [20.0, 0.0]])));
+    let report = marked("--cylinder 80,120", "across.dxf", &lens(150.0));
+    let arc = |x: f64| {
+        let (mut low, mut high) = (-20.0f64, 20.0f64);
+        for _ in 0..60 {
+            let z = f64::midpoint(low, high);
+            let beside = x * (150.0 - z) / 150.0;
+            if beside.hypot(z + 20.0) > 40.0 { high = z } else { low = z }
+        }
+        40.0 * (x * (150.0 - low) / 150.0 / 40.0).asin()
+    };
+    let pieces = (-80..80).map(|piece| f64::from(piece) * 0.25);
+    let error: f64 = pieces.map(|x| (arc(x + 0.25) - arc(x) - 0.25).abs()).sum();
+    assert_near(&[of(&report, "before")], &[error], 0.01);
+}

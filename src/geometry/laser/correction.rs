@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::chords::{Chords, STRAIGHT};
 use super::marking::{MarkingDrawing, MarkingPath, MarkingShape};
-use super::optics::{Fixture, ScanHead};
+use super::optics::{Fixture, Lens, ScanHead};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::quality::Shortening;
@@ -43,6 +43,11 @@ const DIRECTION_STEP: f64 = 1e-3;
 const SHORTEST_CURVE: f64 = 0.01;
 /// The image of a straight line has no smaller radius of curvature than this, mm: less than the distance of samples.
 const MIN_BEND_RADIUS: f64 = 0.2;
+
+/// Steps at most in which a beam is followed down to the part; three or four are usual …
+const MOST_STEPS_DOWN: usize = 40;
+/// … and how near to it they end, mm: the height of the part between samples is known to more than this.
+const ON_THE_PART: f64 = 1e-6;
 
 /// Everything between the drawing's plane and the field.
 #[derive(Debug, Clone, Copy)]
@@ -126,6 +131,30 @@ impl Projection<'_> {
     pub fn aim(&self, at: FlatPoint) -> Result<FieldPoint, AboveLens> {
         let (view, landing) = self.landing(at);
         self.head.aim(landing).ok_or(AboveLens { at: view })
+    }
+
+    /// Where a point of the drawing lands in the view if the field gets the placed drawing as it is, without a correction: a beam that
+    /// leaves the lens obliquely meets what is above or below the calibrated plane beside its aim. `None` if the search for the
+    /// place does not end, as where a beam only grazes the part.
+    pub fn uncorrected(&self, at: FlatPoint) -> Option<ViewPoint> {
+        if self.head.lens == Lens::Telecentric {
+            return Some(at.coords().into());
+        }
+        let drawn = self.fixture.point(Point3::new(at.x, at.y, -self.fixture.z));
+        let beam = self.head.beam(drawn.xy().coords.into());
+        let along = self.fixture.in_view(beam.at(1.0)) - self.fixture.in_view(beam.at(0.0));
+        let mut z = self.fixture.z;
+        for _ in 0..MOST_STEPS_DOWN {
+            let place = ViewPoint::from(self.fixture.in_view(beam.at(z)).xy().coords);
+            let above =
+                self.surface.nurbs.height(place) + self.surface.difference(place) + self.fixture.z - z;
+            if above.abs() < ON_THE_PART {
+                return Some(place);
+            }
+            // Newton's method: as the beam goes down, the part below it rises or falls.
+            z += above / (1.0 - self.surface.nurbs.gradient(place).dot(&along.xy()));
+        }
+        None
     }
 
     fn aimed(&self, flat: FlatPoint, on: (usize, f64)) -> Result<Aimed, AboveLens> {

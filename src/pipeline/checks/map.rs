@@ -219,7 +219,7 @@ pub(in crate::pipeline) fn uncertain(
         )
         .with_number("uncertain length", uncertain.length_error, "mm", Some(limit)));
     }
-    let is_shown = notices_of_part(facts, None, after).any(|notice| notice.code == "facets-flat");
+    let is_shown = notices_of_part(facts, || None, after).any(|notice| notice.code == "facets-flat");
     if uncertain.length_error > NOTABLE_UNCERTAIN
         && uncertain.length_error > after.length_error / 2.0
         && !is_shown
@@ -263,16 +263,17 @@ fn cause_of_uncertainty(facts: &PartFacts, slope: f64) -> Option<Cause> {
     (slope.tan() <= leans).then_some(cause(seen.noise_mm))
 }
 
-/// The notices of the part's file that matter for a drawing: doubts about its facets only where the drawing is on them.
+/// The notices of the part's file that matter for a drawing: doubts about its facets only where the drawing is on them. `as_seen`
+/// gives the errors of the drawing as it is, seen along the view.
 pub(in crate::pipeline) fn notices_of_part<'a>(
     facts: &'a PartFacts,
-    before: Option<&'a Distortion>,
+    as_seen: impl Fn() -> Option<Distortion> + 'a,
     after: &'a Distortion,
 ) -> impl Iterator<Item = &'a Notice> {
     facts.notices.iter().filter(move |notice| match notice.code.as_str() {
         "facets-flat" => after.uncertain.length_error > NOTABLE_UNCERTAIN,
         // Facets that are taken for a round face curve the surface.
-        "facets-rounded" => before.is_none_or(|before| before.max_stretch > STRETCH_OF_PLANE),
+        "facets-rounded" => as_seen().is_none_or(|seen| seen.max_stretch > STRETCH_OF_PLANE),
         _ => true,
     })
 }
