@@ -18,6 +18,9 @@ const STEPS_BESIDE: f64 = 2.0;
 /// Round the drawing, the surface determines the radius of a cylinder as far as this share of the drawing's longer side.
 const SHARE_BESIDE: f64 = 0.6;
 
+/// So many regions under a drawing are what noise leaves of a scan: there, none can be told from the others.
+const MOST_REGIONS: usize = 64;
+
 /// The regions on which paths are.
 struct Visited {
     /// Those with a path that is nowhere beside the surface.
@@ -74,8 +77,8 @@ impl Visited {
 }
 
 impl LearnedPart {
-    /// The part with only those regions round a placed drawing on which the drawing is marked; `None` if it is marked on all, or
-    /// there is only one. `whole` is the whole part.
+    /// The part with only those regions round a placed drawing on which the drawing is marked; `None` if it is marked on all,
+    /// or there are only one or very many. `whole` is the whole part.
     ///
     /// The drawing as it is shows the regions; the map, which may move it by some mm, confirms them.
     pub(super) fn on_marked_regions(
@@ -89,7 +92,7 @@ impl LearnedPart {
         let step = surface.field.step();
         let regions = Regions::of(&surface.field);
         let there = regions.within(&extents.grown(STEPS_BESIDE * step));
-        if there.len() < 2 {
+        if !(2..=MOST_REGIONS).contains(&there.len()) {
             return None;
         }
         let is_turned = settings.placement.align == Align::Axis || settings.rotary.tiles != Tiles::Off;
