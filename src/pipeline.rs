@@ -68,6 +68,7 @@ mod regions;
 mod rotary;
 mod task;
 
+#[cfg(feature = "cli")]
 pub(crate) use content::misspelt_fields;
 pub use content::{Variable, check_fixed_codes, check_values, variable};
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow, FloorReport};

@@ -49,6 +49,7 @@ pub use error::{ConfigError, Excerpt, Spot};
 pub use fill::{FillSettings, FocusSettings};
 pub use fleet::FleetSettings;
 pub use lens_table::LENS_TABLE_COLUMNS;
+#[cfg(feature = "cli")]
 pub(crate) use lens_table::read as read_lens_table;
 #[cfg(any(feature = "cli", feature = "fleet"))]
 pub(crate) use live::sku_files;

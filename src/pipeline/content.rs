@@ -193,6 +193,7 @@ pub fn check_fixed_codes(settings: &ContentSettings) -> Result<(), Reason> {
 }
 
 /// Warns of the codes of settings that contain a text which is almost a field.
+#[cfg(feature = "cli")]
 pub(crate) fn misspelt_fields(settings: &ContentSettings) -> Vec<Notice> {
     settings.codes.iter().flat_map(misspelt).collect()
 }

@@ -31,6 +31,9 @@ const BESIDE: usize = 3;
 /// error of the slope over a chord, root mean square, is this share of the chord times that by which the curvature beside it leaves a
 /// straight line.
 const OF_JUMP: f64 = 0.25;
+/// On a smooth curve the curvature at a point leaves a straight line between those beside it by less than this share. Where an arc begins,
+/// it is a quarter and a half, and half at both ends of an arc that is cut into one facet between straight lines.
+const SMOOTH: f64 = 0.2;
 /// The error of the slope between points that are off, as a share of how far they are off over the length of the chord.
 const OF_DEVIATION: f64 = 2.0;
 /// The slope of a curve that leaves another by one unit of length between the ends of a chord of one unit, root mean square.
@@ -144,34 +147,49 @@ impl PlaneCurve {
         curve
     }
 
-    /// Doubts the slopes round points where the curvature does not change evenly, as where an arc begins: cubics may be wrong alike there.
-    fn doubt_bends(&mut self) {
-        let (count, chords) = (self.points.len(), self.chords());
-        let around = |at: usize, by: usize| match self.is_closed {
-            true => Some((at + count + by - 2) % count),
-            false => (at + by).checked_sub(2).filter(|at| *at < count),
-        };
-        let length = |chord: usize| self.chord(chord).norm();
-        // The curvature at a point between two chords, rad/mm.
-        let curvature = |at: usize| {
-            let before = around(at, 1)?;
-            around(at, 3)?;
-            let turn = self.chord(before).cross(&self.chord(at)).dot(&self.axis);
-            let angle = turn.atan2(self.chord(before).dot(&self.chord(at)));
-            Some(2.0 * angle / (length(before) + length(at)))
-        };
+    /// The point so many points after another one.
+    fn around(&self, at: usize, by: isize) -> Option<usize> {
+        let count = self.points.len() as isize;
+        let moved = at as isize + by;
+        let moved = if self.is_closed { moved.rem_euclid(count) } else { moved };
+        (0..count).contains(&moved).then_some(moved as usize)
+    }
+
+    /// The curvature at a point between two chords, rad/mm.
+    fn curvature(&self, at: usize) -> Option<f64> {
+        let before = self.chord(self.around(at, -1)?);
+        self.around(at, 1)?;
+        let after = self.chord(at);
+        let angle = before.cross(&after).dot(&self.axis).atan2(before.dot(&after));
+        Some(2.0 * angle / (before.norm() + after.norm()))
+    }
+
+    /// By how much the curvature at each point leaves a straight line between those beside it, rad/mm, and as a share of the largest of the
+    /// three; `None` near the ends.
+    fn jumps(&self) -> Vec<Option<[f64; 2]>> {
         let jump = |at: usize| {
-            let (before, after) = (around(at, 1)?, around(at, 3)?);
-            let [one, own, other] = [curvature(before)?, curvature(at)?, curvature(after)?];
-            let share = length(before) / (length(before) + length(at));
-            Some((own - one - (other - one) * share).abs())
+            let beside = [self.around(at, -1)?, at, self.around(at, 1)?];
+            let [before, own, after] = beside.map(|at| self.curvature(at));
+            let (before, own, after) = (before?, own?, after?);
+            // The curvature of three points is that in the middle of them.
+            let lengths = [-2, -1, 0, 1].map(|by| self.around(at, by).map(|at| self.chord(at).norm()));
+            let [Some(one), Some(two), Some(three), Some(four)] = lengths else { return None };
+            let middles = [(two - one) / 3.0 - two, (three - two) / 3.0, three + (four - three) / 3.0];
+            let share = (middles[1] - middles[0]) / (middles[2] - middles[0]);
+            let jump = (own - before - (after - before) * share).abs();
+            let largest = [before, own, after].into_iter().map(f64::abs).fold(0.0, f64::max);
+            Some([jump, if jump > 0.0 { jump / largest } else { 0.0 }])
         };
-        let jumps: Vec<f64> = (0..count).map(|at| jump(at).unwrap_or(0.0)).collect();
+        (0..self.points.len()).map(jump).collect()
+    }
+
+    /// Doubts the slopes round points where the curvature `jumps`, as where an arc begins: cubics may be wrong alike there.
+    fn doubt_bends(&mut self, jumps: &[Option<[f64; 2]>]) {
         let doubt = |chord: usize| {
-            let near = (1..=4).filter_map(|by| around(chord, by));
-            OF_JUMP * near.map(|at| jumps[at]).fold(0.0, f64::max) * length(chord)
+            let near = (-1..=2).filter_map(|by| jumps[self.around(chord, by)?]);
+            OF_JUMP * near.map(|[jump, _]| jump).fold(0.0, f64::max) * self.chord(chord).norm()
         };
-        let doubts: Vec<f64> = (0..chords).map(doubt).collect();
+        let doubts: Vec<f64> = (0..self.chords()).map(doubt).collect();
         self.doubts.iter_mut().zip(doubts).for_each(|(own, doubt)| *own = own.max(doubt as f32));
     }
 
@@ -371,13 +389,13 @@ pub(super) struct Profile {
     curve: PlaneCurve,
     /// The number of points before the first ring.
     before: usize,
-    /// The number of rings.
-    count: usize,
+    /// For each ring, whether the curvature changes evenly there, as nowhere that an arc begins or is cut into one facet.
+    is_smooth: Vec<bool>,
 }
 
 impl Profile {
-    /// That through rings. Where one at an end is a pole, on the axis, the
-    /// profile goes on beyond it as its mirror image. `None` if there are too few rings.
+    /// That through rings. Where one at an end is a pole, on the axis, the profile goes on beyond it as its mirror image. `None` if there
+    /// are too few rings.
     pub(super) fn through(rings: &[RingPlace], is_closed: bool, is_pole: [bool; 2]) -> Option<Self> {
         let count = rings.len();
         if count < LEAST_POINTS {
@@ -391,7 +409,13 @@ impl Profile {
         points.extend(rings.iter().map(|ring| Point3::new(ring.at[0], ring.at[1], 0.0)));
         points.extend(beyond(is_pole[1], [count - 2, count - 3]));
         let mut curve = PlaneCurve::through(points, Vector3::z(), is_closed);
-        curve.doubt_bends();
+        let jumps = curve.jumps();
+        curve.doubt_bends(&jumps);
+        let is_even = |at: usize, by: isize| {
+            let jump = curve.around(at, by).and_then(|at| jumps[at]);
+            jump.is_some_and(|[_, share]| share < SMOOTH)
+        };
+        let is_smooth = (before..before + count).map(|at| (-1..=1).all(|by| is_even(at, by))).collect();
         for (ring, place) in rings.iter().enumerate() {
             let at = before + ring;
             for chord in [at.checked_sub(1), Some(at)].into_iter().flatten() {
@@ -400,7 +424,7 @@ impl Profile {
                 curve.doubts[chord] = doubt.max(of_rounding as f32);
             }
         }
-        Some(Self { curve, before, count })
+        Some(Self { curve, before, is_smooth })
     }
 
     /// Turns its normals to the other side.
@@ -419,7 +443,12 @@ impl Profile {
 
     /// The number of its rings.
     pub(super) fn count(&self) -> usize {
-        self.count
+        self.is_smooth.len()
+    }
+
+    /// Whether the curvature changes evenly at a ring and those beside it.
+    pub(super) fn is_smooth(&self, ring: usize) -> bool {
+        self.is_smooth[ring]
     }
 
     /// The place of a ring.
@@ -435,14 +464,15 @@ impl Profile {
             self.curve.nearest(round.iter().map(|place| place.at), &Point3::new(along, radius, 0.0))?;
         let chord = (place.at as usize).min(self.curve.chords() - 1);
         let known = f64::from(self.curve.doubts[chord]) * self.curve.chord(chord).norm() / OF_OFF;
-        let is_between = (self.before as f64..=(self.before + self.count) as f64).contains(&place.at);
+        let last = self.before + self.count() - usize::from(!self.curve.is_closed);
+        let is_between = (self.before as f64..=last as f64).contains(&place.at);
         (is_between && place.beyond <= near && place.off <= near.max(known)).then_some(place)
     }
 
     /// The rings beside a place.
     pub(super) fn rings_beside(&self, place: &Place) -> [usize; 2] {
         let ring = |at: f64| at as usize - self.before;
-        [ring(place.at.floor()), ring(place.at.ceil()) % self.count]
+        [ring(place.at.floor()), ring(place.at.ceil()) % self.count()]
     }
 
     /// How far the slope of the part may be from that of a patch between places, rad.

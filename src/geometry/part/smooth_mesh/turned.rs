@@ -48,7 +48,7 @@ const MOST_TRIANGLES: usize = 300_000;
 /// The profile is used at a ring where it leaves at most this share of the doubt of the facets there.
 const BETTER: f64 = 0.5;
 /// The error is that of the slope along the profile only: the mean over lines in all directions.
-const OF_TURNED: f32 = std::f32::consts::FRAC_2_PI;
+const OF_TURNED: f64 = std::f64::consts::FRAC_2_PI;
 /// Axes that differ by less than this, as a sine and as a share of their distance, are tried once.
 const SAME_AXIS: f64 = 0.01;
 /// Known normals belong to the profile where they pass the axis within this, as a sine.
@@ -223,7 +223,7 @@ impl Turned<'_> {
     fn doubt(&self, triangle: usize) -> (f32, impl Iterator<Item = usize>) {
         let places = self.mesh.triangles[triangle].map(|vertex| self.places.get(&vertex).copied());
         let doubt = match places {
-            [Some(one), Some(two), Some(three)] => OF_TURNED * self.profile.doubt([one, two, three]),
+            [Some(one), Some(two), Some(three)] => OF_TURNED as f32 * self.profile.doubt([one, two, three]),
             _ => 0.0,
         };
         let rings = places.into_iter().flatten().flat_map(|place| self.profile.rings_beside(&place));
@@ -243,7 +243,9 @@ impl Turned<'_> {
                 }
             }
         }
-        sums.into_iter().map(|[own, of_facets]| own < BETTER * BETTER * of_facets).collect()
+        let sums = sums.into_iter().enumerate();
+        sums.map(|(ring, [own, of_facets])| self.profile.is_smooth(ring) && own < BETTER * BETTER * of_facets)
+            .collect()
     }
 }
 
