@@ -471,8 +471,8 @@ impl Profile {
 
     /// The rings beside a place.
     pub(super) fn rings_beside(&self, place: &Place) -> [usize; 2] {
-        let ring = |at: f64| at as usize - self.before;
-        [ring(place.at.floor()), ring(place.at.ceil()) % self.count()]
+        // The last chord of a closed profile ends at the first ring.
+        [place.at.floor(), place.at.ceil()].map(|at| (at as usize - self.before) % self.count())
     }
 
     /// How far the slope of the part may be from that of a patch between places, rad.

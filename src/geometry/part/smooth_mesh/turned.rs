@@ -2,7 +2,8 @@
 //!
 //! The vertices of a turned face are on rings: circles about one axis. Programs stagger the rings, so that a chord along the profile
 //! skips every second one, and the facets round a vertex show little of the profile between them. All rings together are points of
-//! one plane curve, and show its normals far better. It is used where it leaves less in doubt than the facets do.
+//! one plane curve, and show its normals far better. It is used where its curvature changes evenly, and leaves less in doubt than the
+//! facets do: where arcs begin, and where one is cut into a single facet, the facets know as much.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,6 +25,8 @@ const LEAST_RINGS: usize = 5;
 const LEAST_TRIANGLES: usize = 40;
 /// Rings with fewer than this share of the vertices of the largest one show nothing of the profile by themselves.
 const SHORT_RING: f64 = 0.2;
+/// Rings beside one of a profile, at most.
+const MOST_BESIDE: usize = 12;
 /// At most this share of the rings beside those of a profile is not of it.
 const MOST_OF_OTHERS: f64 = 0.1;
 /// Rings are cut into even sectors: the sides on both sides of a vertex differ by at most this share.
@@ -567,6 +570,11 @@ impl<'a> Search<'a> {
                 }
             }
         }
+        // A hub that is joined to many rings is on no profile.
+        let is_hub: Vec<bool> = beside.iter().map(|others| others.len() > MOST_BESIDE).collect();
+        for (ring, others) in beside.iter_mut().enumerate() {
+            others.retain(|other| !is_hub[ring] && !is_hub[*other]);
+        }
         let points: Vec<[f64; 2]> = places.iter().map(|place| place.at).collect();
         let curves = curves(&points, &beside);
         let faces = curves.into_iter().filter_map(|(order, is_closed)| {
@@ -716,13 +724,16 @@ fn curves(points: &[[f64; 2]], beside: &[BTreeSet<usize>]) -> Vec<(Vec<usize>, b
             while !is_seen[here] && next[here].len() <= 2 {
                 is_seen[here] = true;
                 order.push(here);
-                let Some(&onward) = next[here].iter().find(|&&point| !is_seen[point]) else { break };
-                here = onward;
+                let onward =
+                    next[here].iter().copied().find(|&point| !is_seen[point] && next[point].len() <= 2);
+                here = onward.unwrap_or(here);
             }
+            let own: BTreeSet<usize> = order.iter().copied().collect();
             let others = order.iter().flat_map(|&point| &beside[point]);
-            let of_other_curves = others.clone().filter(|other| !order.contains(other)).count();
+            let of_other_curves = others.clone().filter(|other| !own.contains(other)).count();
             if of_other_curves as f64 <= MOST_OF_OTHERS * others.count() as f64 {
-                let pieces = smooth_pieces(points, order, ends == 2).into_iter();
+                let is_closed = ends == 2 && next[here].contains(&first);
+                let pieces = smooth_pieces(points, order, is_closed).into_iter();
                 curves.extend(pieces.filter(|(order, _)| order.len() >= LEAST_RINGS));
             }
         }
