@@ -34,6 +34,8 @@ const OF_JUMP: f64 = 0.25;
 /// On a smooth curve the curvature at a point leaves a straight line between those beside it by less than this share. Where an arc begins,
 /// it is a quarter and a half, and half at both ends of an arc that is cut into one facet between straight lines.
 const SMOOTH: f64 = 0.2;
+/// Unless the chords leave the curve by less than this, mm, for that: a straight line has no curvature but that of rounded numbers.
+const NEGLIGIBLE: f64 = 1e-5;
 /// The error of the slope between points that are off, as a share of how far they are off over the length of the chord.
 const OF_DEVIATION: f64 = 2.0;
 /// The slope of a curve that leaves another by one unit of length between the ends of a chord of one unit, root mean square.
@@ -178,7 +180,8 @@ impl PlaneCurve {
             let share = (middles[1] - middles[0]) / (middles[2] - middles[0]);
             let jump = (own - before - (after - before) * share).abs();
             let largest = [before, own, after].into_iter().map(f64::abs).fold(0.0, f64::max);
-            Some([jump, if jump > 0.0 { jump / largest } else { 0.0 }])
+            let bulge = jump * two.max(three).powi(2) / 8.0;
+            Some([jump, if bulge > NEGLIGIBLE { jump / largest } else { 0.0 }])
         };
         (0..self.points.len()).map(jump).collect()
     }
