@@ -31,6 +31,7 @@ use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::quality::Distortion;
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::marking::MarkingDrawing;
+use crate::geometry::optics::Lens;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::primitive::Form;
@@ -328,6 +329,7 @@ impl Pipeline {
         let exposure = mapped.exposure(surface);
         checks::ink_layers(&placed, settings, &mut notices);
         let lift = Lift::new(surface, &learned.settings);
+        checks::on_surface(exposure, &whole.kept, ink).map_err(rejected)?;
         checks::exposure(exposure, &projection, part, lift, ink, settings, &mut notices).map_err(rejected)?;
         let over_part = Lift::new(&whole.kept.surface, &learned.settings);
         checks::hidden(&projection, ink, &whole.kept, settings, over_part).map_err(rejected)?;
@@ -401,7 +403,14 @@ impl Pipeline {
         let round = placing.round(map, settings);
         notices.extend(checks::alignment(round.as_ref(), settings));
         checks::settled(sku, map, settings, &mut notices);
-        checks::traded(map, before.as_ref(), &after, settings, &mut notices);
+        // Every map follows the lens, so that its errors are no loss by the choice of one.
+        let under_lens = || {
+            let mut seen = mapped.as_seen(surface)?;
+            seen.shorten(shortened_as_drawn.iter().copied());
+            Some(seen)
+        };
+        let untraded = if projection.head.lens == Lens::Telecentric { before } else { under_lens() };
+        checks::traded(map, untraded.as_ref(), &after, settings, &mut notices);
         checks::distances(map, distances.as_ref(), lift, settings, &mut notices);
         checks::quality(map, &after, part, lift, &ink.extents, &mut notices);
         checks::uncertain(&after, &part.facts, &mut notices).map_err(&rejected)?;

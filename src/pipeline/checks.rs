@@ -5,7 +5,7 @@ mod lines;
 mod map;
 mod rotary;
 
-pub(super) use exposure::{exposure, hidden, outside_lens_table};
+pub(super) use exposure::{exposure, hidden, on_surface, outside_lens_table};
 pub(super) use lines::close_lines;
 pub(super) use map::{distances, map_reason, notices_of_part, quality, settled, traded, uncertain, unrolled};
 

@@ -379,6 +379,7 @@ impl<'a> Stage<'a> {
             let probes = self.probes(&[middle]);
             let seen = self.projection.expose(&probes);
             let lift = Lift::new(&self.part.surface, &learned.settings);
+            checks::on_surface(&seen, self.part, &probes)?;
             checks::exposure(&seen, &self.projection, self.part, lift, &probes, settings, &mut Vec::new())?;
             return Err(checks::rotary_no_room(0.0));
         }

@@ -29,21 +29,23 @@ pub(in crate::pipeline) fn exposure(
             Some(lens),
         ));
     }
-    if let Some((_, at)) = seen.first_off_surface {
-        let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
-        return Err(off_surface(at, part, &ink.extents).with_number(
-            "ink without surface",
-            percent,
-            "%",
-            Some(0.0),
-        ));
-    }
     measured_lens(seen, settings, notices)?;
     incidence(seen, lift, settings, notices)?;
     focus(seen, settings, notices);
     field(seen, projection, ink, settings)?;
     doubt(seen, lift, settings, notices)?;
     residual(seen, part, lift, settings, notices)
+}
+
+/// Rejects a drawing of which some ink is not on the surface; `whole` is the part of which the drawing may need only a piece.
+pub(in crate::pipeline) fn on_surface(
+    seen: &Exposure,
+    whole: &CachedSurface,
+    ink: &Ink,
+) -> Result<(), Reason> {
+    let Some((_, at)) = seen.first_off_surface else { return Ok(()) };
+    let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
+    Err(off_surface(at, whole, &ink.extents).with_number("ink without surface", percent, "%", Some(0.0)))
 }
 
 fn incidence(

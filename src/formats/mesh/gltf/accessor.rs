@@ -95,6 +95,17 @@ impl Data<'_> {
         }
     }
 
+    /// The number of elements of an accessor that has no data, neither a view nor sparse values: all of them are zero. `None` if it has
+    /// data.
+    pub(super) fn zeros(
+        &self,
+        index: Index<Accessor>,
+        item: &dyn Fn() -> String,
+    ) -> Result<Option<u64>, MeshReadError> {
+        let json = self.json(index, item)?;
+        Ok((json.buffer_view.is_none() && json.sparse.is_none()).then_some(json.count.0))
+    }
+
     /// Matrices by their columns.
     pub(super) fn matrices(
         &self,

@@ -12,8 +12,9 @@ use super::accessor::Data;
 
 /// The extension that repeats a mesh.
 pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
-/// Largest number of vertices that morph targets move, each counted once for each target.
-const MAX_MOVED: usize = 300_000_000;
+/// Largest number of vertices that morph targets move in a file, each counted once for each target and object, and of joints, each counted
+/// once for each object.
+const MAX_MOVED: usize = 50_000_000;
 /// Largest number of sets of joints of a vertex, four each.
 const MAX_SETS: u32 = 8;
 
@@ -79,7 +80,10 @@ pub(super) fn joints(
     skin: &Skin,
     number: usize,
     transforms: &[Option<Matrix4<f64>>],
+    moved: &mut usize,
 ) -> Result<Vec<Matrix4<f64>>, MeshReadError> {
+    *moved += skin.joints.len();
+    at_most("vertices of morph targets and joints", *moved, MAX_MOVED)?;
     if skin.joints.is_empty() {
         return Err(MeshReadError::NoData { item: format!("skin {number}, joints") });
     }
@@ -181,7 +185,8 @@ impl Influences {
     }
 }
 
-/// Moves positions and normals by the morph targets whose weights are not zero; returns whether there are any.
+/// Moves positions and normals by the morph targets whose weights are not zero; returns whether there are any. The vertices are added to
+/// those that were `moved` so far.
 ///
 /// A target that moves positions without normals leaves none, as they would be those of the other shape.
 pub(super) fn morph(
@@ -190,31 +195,39 @@ pub(super) fn morph(
     weights: &[f32],
     positions: &mut [[f32; 3]],
     normals: &mut Option<Vec<[f32; 3]>>,
+    moved: &mut usize,
     item: &dyn Fn(&str) -> String,
 ) -> Result<bool, MeshReadError> {
+    let before = *moved;
     let targets = primitive.targets.iter().flatten().enumerate().zip(weights);
-    let mut moved = 0;
     for ((number, target), &weight) in targets.filter(|(_, weight)| **weight != 0.0) {
-        moved += positions.len();
-        at_most("vertices of morph targets", moved, MAX_MOVED)?;
+        *moved += positions.len();
+        at_most("vertices of morph targets and joints", *moved, MAX_MOVED)?;
         let differences = |index: Index<Accessor>, name: &str, count: usize| {
             let item = || item(&format!("{name} of morph target {number}"));
+            // A target that moves nothing needs no data.
+            if let Some(zeros) = data.zeros(index, &item)? {
+                return same_count(zeros as usize, count, &item).map(|()| None);
+            }
             let differences = data.vectors(index, &item)?;
-            same_count(differences.len(), count, &item).map(|()| differences)
+            same_count(differences.len(), count, &item).map(|()| Some(differences))
         };
         if let Some(index) = target.positions {
             let moves = differences(index, "POSITION", positions.len())?;
-            add(positions, &moves, weight);
-            if target.normals.is_none() {
-                *normals = None;
+            if let Some(moves) = moves {
+                add(positions, &moves, weight);
+                if target.normals.is_none() {
+                    *normals = None;
+                }
             }
         }
         if let (Some(index), Some(normals)) = (target.normals, normals.as_mut()) {
-            let moves = differences(index, "NORMAL", normals.len())?;
-            add(normals, &moves, weight);
+            if let Some(moves) = differences(index, "NORMAL", normals.len())? {
+                add(normals, &moves, weight);
+            }
         }
     }
-    Ok(moved > 0)
+    Ok(*moved > before)
 }
 
 fn add(values: &mut [[f32; 3]], moves: &[[f32; 3]], weight: f32) {

@@ -57,6 +57,7 @@ pub(super) fn read(
         noted_triangles: 0,
         pace,
         instances: 0,
+        moved: 0,
         max_triangles: capacity(bytes, BYTES_OF_TRIANGLE, MAX_COPIES).min(MAX_TRIANGLES),
         max_vertices: capacity(bytes, BYTES_OF_VERTEX, 3 * MAX_COPIES / 2).min(3 * MAX_TRIANGLES),
     };
@@ -80,6 +81,8 @@ struct Walk<'a> {
     noted_triangles: usize,
     pace: Pace,
     instances: usize,
+    /// Vertices that morph targets moved, and joints.
+    moved: usize,
     max_triangles: usize,
     max_vertices: usize,
 }
@@ -233,7 +236,8 @@ impl Walk<'_> {
                 count: skins.len(),
             })?;
             // The joints alone place the mesh; its node's own transform has no effect.
-            return pose::joints(&self.data, skin, index.value(), transforms).map(Pose::Joints);
+            return pose::joints(&self.data, skin, index.value(), transforms, &mut self.moved)
+                .map(Pose::Joints);
         }
         let item = |what: &str| format!("{}, {what}", node_name(node, number));
         let instances = pose::instances(&self.data, node, &item)?.unwrap_or(vec![Matrix4::identity()]);
@@ -298,7 +302,15 @@ impl Walk<'_> {
                 (positions, normals, None)
             }
         };
-        let is_morphed = pose::morph(&self.data, primitive, weights, &mut positions, &mut normals, &item)?;
+        let is_morphed = pose::morph(
+            &self.data,
+            primitive,
+            weights,
+            &mut positions,
+            &mut normals,
+            &mut self.moved,
+            &item,
+        )?;
         self.skip("set of morph targets", usize::from(primitive.targets.is_some() && !is_morphed));
         let place = |vertex| VertexPlace::Gltf { mesh: mesh.into(), primitive: number, vertex };
         for (vertex, position) in positions.iter().enumerate() {

@@ -824,6 +824,35 @@ mod tests {
     }
 
     #[test]
+    fn vertices_near_the_first_ring_of_a_closed_profile_are_beside_its_rings() {
+        const COUNT: usize = 24;
+        let ring = |at: f64| {
+            let angle = TAU * at / COUNT as f64;
+            [7.2 * angle.cos(), 32.75 + 1.7 * angle.sin()]
+        };
+        let rings: Vec<RingPlace> =
+            (0..COUNT).map(|number| RingPlace { at: ring(number as f64), deviation: 0.0 }).collect();
+        let profile = Profile::through(&rings, true, [false; 2]).unwrap();
+        let mut count = 0;
+        for number in 0..COUNT {
+            for step in [-1e-3, -1e-5, 0.0, 1e-5, 1e-3] {
+                let [along, radius] = ring(number as f64 + step);
+                let off = 1.0 + 1e-5;
+                let at = [along * off, 32.75 + (radius - 32.75) * off];
+                let Some(place) = profile.place(&[profile.at_ring(number)], at, 1e-3) else { continue };
+                let before = (number + COUNT - 1) % COUNT;
+                let near = [before, number, (number + 1) % COUNT];
+                assert!(
+                    profile.rings_beside(&place).iter().all(|ring| near.contains(ring)),
+                    "{number} {step}"
+                );
+                count += 1;
+            }
+        }
+        assert_eq!(count, 5 * COUNT);
+    }
+
+    #[test]
     fn a_square_cushion_is_not_turned() {
         const STEPS: i32 = 12;
         let height = |x: f64, y: f64| 12.0 - (x.powi(4) + y.powi(4)) / 5e3;
