@@ -221,10 +221,10 @@ pub(super) fn morph(
                 }
             }
         }
-        if let (Some(index), Some(normals)) = (target.normals, normals.as_mut()) {
-            if let Some(moves) = differences(index, "NORMAL", normals.len())? {
-                add(normals, &moves, weight);
-            }
+        if let (Some(index), Some(normals)) = (target.normals, normals.as_mut())
+            && let Some(moves) = differences(index, "NORMAL", normals.len())?
+        {
+            add(normals, &moves, weight);
         }
     }
     Ok(*moved > before)

@@ -699,6 +699,16 @@ fn morph_targets_are_applied_by_their_weights() {
     assert_eq!(found(0.0, up.clone()).skipped, ["1 x set of morph targets"]);
     assert_eq!(found(0.5, up.clone()).normals, NormalsFound::None);
     assert_ne!(found(0.5, json!({"POSITION": 1, "NORMAL": 1})).normals, NormalsFound::None);
+    // A target that moves nothing may have no data.
+    let still = read_with(|document| {
+        let zeros = json!({"componentType": 5126, "count": 3, "type": "VEC3"});
+        let accessors = document["accessors"].as_array_mut().unwrap();
+        accessors.push(zeros);
+        let number = accessors.len() - 1;
+        document["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": number}]);
+        document["meshes"][0]["weights"] = json!([1]);
+    });
+    assert!(are_near(bounds(&still.unwrap()), [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]));
     let short = read_with(|document| {
         document["accessors"][1]["count"] = json!(2);
         document["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 1}]);
