@@ -12,6 +12,7 @@ mod joining;
 mod long_sides;
 mod plane_curve;
 mod plane_facets;
+mod rings;
 mod round;
 mod scatter;
 mod sections;

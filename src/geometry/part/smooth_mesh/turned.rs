@@ -1,34 +1,26 @@
-//! Normals of turned faces whose profile is a free curve, as of a bracelet, a bell or a vase.
+//! Normals of turned faces whose profile is a free curve, as of a bracelet or a thermos flask.
 //!
 //! The vertices of a turned face are on rings: circles about one axis. Programs stagger the rings, so that a chord along the profile
 //! skips every second one, and the facets round a vertex show little of the profile between them. All rings together are points of
 //! one plane curve, and show its normals far better. It is used where its curvature changes evenly, and leaves less in doubt than the
 //! facets do: where arcs begin, and where one is cut into a single facet, the facets know as much.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use nalgebra::{Matrix4, Point3, Vector2, Vector3, Vector4};
+use nalgebra::{Point3, Vector3};
 
-use super::ends::{Surface, Surroundings, range};
+use super::SmoothMesh;
+use super::ends::{Surface, Surroundings};
 use super::plane_curve::{Place, Profile, RingPlace};
+use super::rings::{Axis, LEAST_ON_RING, LEAST_RINGS, MOST_BESIDE, Rings, curves};
 use super::settling::Settling;
-use super::{MOST_BEND, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours};
 use crate::geometry::fork::Fork;
-use crate::geometry::shape_fit::cross_directions;
 
-/// A ring has so many vertices, at least, unless it is a single one on the axis: three define a circle, the others confirm it; …
-const LEAST_ON_RING: usize = 6;
-/// … and a turned face so many rings, …
-const LEAST_RINGS: usize = 5;
-/// … and so many facets: by chance, not all of so many are on rings.
+/// A turned face has so many facets, at least: by chance, not all of so many are on rings.
 const LEAST_TRIANGLES: usize = 40;
 /// Rings with fewer than this share of the vertices of the largest one show nothing of the profile by themselves.
 const SHORT_RING: f64 = 0.2;
-/// Rings beside one of a profile, at most.
-const MOST_BESIDE: usize = 12;
-/// At most this share of the rings beside those of a profile is not of it.
-const MOST_OF_OTHERS: f64 = 0.1;
 /// Rings are cut into even sectors: the sides on both sides of a vertex differ by at most this share.
 const EVEN: f64 = 1e-3;
 /// The middle vertex of three on a ring leaves the line through the others by so many times what a vertex may be off, at least.
@@ -52,167 +44,32 @@ const MOST_TRIANGLES: usize = 300_000;
 const BETTER: f64 = 0.5;
 /// The error is that of the slope along the profile only: the mean over lines in all directions.
 const OF_TURNED: f64 = std::f64::consts::FRAC_2_PI;
-/// Axes that differ by less than this, as a sine and as a share of their distance, are tried once.
-const SAME_AXIS: f64 = 0.01;
 /// Known normals belong to the profile where they pass the axis within this, as a sine.
 const EXACT: f64 = 1e-3;
-
-/// The axis of a turned face.
-#[derive(Clone, Copy)]
-struct Axis {
-    through: Point3<f64>,
-    direction: Vector3<f64>,
-}
-
-impl Axis {
-    /// That of the circle through three points.
-    fn of_circle([one, middle, other]: [Point3<f64>; 3]) -> Option<Self> {
-        let (to_one, to_other) = (one - middle, other - middle);
-        let across = to_other.cross(&to_one);
-        let to_center = (to_one * to_other.norm_squared() - to_other * to_one.norm_squared()).cross(&across);
-        let through = middle + to_center / (2.0 * across.norm_squared());
-        let direction = across.try_normalize(0.0)?;
-        through.coords.amax().is_finite().then_some(Self { through, direction })
-    }
-
-    /// How far along the axis a point is, mm, and the vector from the axis to it, mm.
-    fn split(&self, at: &Point3<f64>) -> (f64, Vector3<f64>) {
-        let from = at - self.through;
-        let along = from.dot(&self.direction);
-        (along, from - self.direction * along)
-    }
-
-    /// How far along the axis and from it a point is, mm.
-    fn place(&self, at: &Point3<f64>) -> [f64; 2] {
-        let (along, radial) = self.split(at);
-        [along, radial.norm()]
-    }
-
-    /// The sine of the angle at which a normal at a point leaves the plane through the axis.
-    fn misses(&self, at: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
-        let out = self.split(at).1.try_normalize(0.0);
-        out.map_or(0.0, |out| self.direction.cross(&out).dot(normal).abs())
-    }
-
-    /// The parts of a normal at a point along the axis and away from it.
-    fn in_profile(&self, at: &Point3<f64>, normal: &Vector3<f64>) -> [f64; 2] {
-        let out = self.split(at).1.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-        [normal.dot(&self.direction), normal.dot(&out)]
-    }
-
-    /// The unit vector at a point with these parts along the axis and away from it.
-    fn in_space(&self, at: &Point3<f64>, [along, out]: [f64; 2]) -> Vector3<f64> {
-        let radial = self.split(at).1.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-        let vector = self.direction * along + radial * out;
-        vector.try_normalize(0.0).unwrap_or(vector)
-    }
-
-    /// Whether another axis is about the same.
-    fn is_like(&self, other: &Self) -> bool {
-        let [_, apart] = self.place(&other.through);
-        let size = (other.through - self.through).norm().max(1.0);
-        self.direction.cross(&other.direction).norm() < SAME_AXIS && apart < SAME_AXIS * size
-    }
-
-    /// Moved to where points on rings are nearest to these (Gauss-Newton steps on the distances along and from the axis). Each point
-    /// has the number of its ring.
-    fn fitted(self, points: &[(usize, Point3<f64>)], rings: usize) -> Option<Self> {
-        let (first, second) = cross_directions(&self.direction);
-        // For each point the distances with their derivatives by two turns and two shifts of the axis.
-        let rows = points.iter().map(|(ring, at)| {
-            let (along, radial) = self.split(at);
-            let radius = radial.norm();
-            let out = radial.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-            let (one, two) = (out.dot(&first), out.dot(&second));
-            let by_along = Vector4::new(radius * one, radius * two, 0.0, 0.0);
-            let by_radius = -Vector4::new(one * along, two * along, one, two);
-            (*ring, [(along, by_along), (radius, by_radius)])
-        });
-        let rows: Vec<_> = rows.collect();
-        let mut means = vec![([(0.0, Vector4::zeros()); 2], 0.0); rings];
-        for (ring, row) in &rows {
-            let (sums, count) = &mut means[*ring];
-            for ((sum, derivatives), (value, by)) in sums.iter_mut().zip(row) {
-                *sum += value;
-                *derivatives += by;
-            }
-            *count += 1.0;
-        }
-        let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        for (ring, row) in &rows {
-            let (sums, count) = &means[*ring];
-            for ((sum, derivatives), (value, by)) in sums.iter().zip(row) {
-                let (off, by) = (value - sum / count, by - derivatives / *count);
-                matrix += by * by.transpose();
-                right -= by * off;
-            }
-        }
-        let step = matrix.cholesky()?.solve(&right);
-        let direction = (self.direction + first * step.x + second * step.y).try_normalize(0.0)?;
-        Some(Self { through: self.through + first * step.z + second * step.w, direction })
-    }
-}
-
-/// The rings of some vertices about an axis.
-struct Rings {
-    /// For each vertex its ring, or [`NONE`].
-    of_vertex: Vec<u32>,
-    count: usize,
-}
-
-impl Rings {
-    /// Those of vertices that are apart by at most `apart`, mm.
-    fn about(axis: &Axis, points: &[Point3<f64>], apart: f64) -> Self {
-        let places: Vec<[f64; 2]> = points.iter().map(|at| axis.place(at)).collect();
-        let place = |vertex: u32, side: usize| places[vertex as usize][side];
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        order.sort_by(|&one, &other| place(one, 0).total_cmp(&place(other, 0)));
-        let (mut of_vertex, mut count) = (vec![NONE; points.len()], 0);
-        for level in order.chunk_by_mut(|&one, &other| place(other, 0) - place(one, 0) <= apart) {
-            level.sort_by(|&one, &other| place(one, 1).total_cmp(&place(other, 1)));
-            for ring in level.chunk_by(|&one, &other| place(other, 1) - place(one, 1) <= apart) {
-                let is_narrow = [0, 1].into_iter().all(|side| {
-                    let [low, high] = range(ring.iter().map(|&vertex| place(vertex, side)));
-                    high - low <= 2.0 * apart
-                });
-                let is_pole = ring.len() == 1 && place(ring[0], 1) <= apart;
-                if is_pole || is_narrow && ring.len() >= LEAST_ON_RING {
-                    ring.iter().for_each(|&vertex| of_vertex[vertex as usize] = count);
-                    count += 1;
-                }
-            }
-        }
-        Self { of_vertex, count: count as usize }
-    }
-
-    /// The points on rings, each with the number of its ring.
-    fn members(&self, points: &[Point3<f64>]) -> Vec<(usize, Point3<f64>)> {
-        let on_rings = self.of_vertex.iter().zip(points).filter(|(ring, _)| **ring != NONE);
-        on_rings.map(|(&ring, &at)| (ring as usize, at)).collect()
-    }
-}
-
-impl RingPlace {
-    fn of(axis: &Axis, mesh: &SmoothMesh, ring: &[u32]) -> Self {
-        let count = ring.len() as f64;
-        let places = || ring.iter().map(|&vertex| axis.place(&mesh.positions[vertex as usize]));
-        let sum = places().fold([0.0; 2], |sum, place| [sum[0] + place[0], sum[1] + place[1]]);
-        let at = sum.map(|sum| sum / count);
-        let squares: f64 =
-            places().map(|place| (place[0] - at[0]).powi(2) + (place[1] - at[1]).powi(2)).sum();
-        Self { at, deviation: squares.sqrt() / count }
-    }
-}
 
 /// A face that is turned about an axis.
 pub(super) struct Turned<'a> {
     mesh: &'a SmoothMesh,
     axis: Axis,
     profile: Profile,
-    /// The place of each vertex in the profile.
-    places: BTreeMap<u32, Place>,
-    /// In ascending order.
-    triangles: Vec<usize>,
+    /// In ascending order, with their places in the profile.
+    vertices: Vec<(u32, Place)>,
+    triangles: Vec<TurnedTriangle>,
+}
+
+/// A triangle of a turned face.
+struct TurnedTriangle {
+    triangle: usize,
+    /// How far the slope of the part may be from that of its patch with the normals of the profile, rad.
+    doubt: f32,
+    /// The rings beside its corners.
+    rings: [[usize; 2]; 3],
+}
+
+impl TurnedTriangle {
+    fn rings(&self) -> impl Iterator<Item = usize> {
+        self.rings.into_iter().flatten()
+    }
 }
 
 impl Turned<'_> {
@@ -221,26 +78,13 @@ impl Turned<'_> {
         self.axis.in_space(&self.mesh.positions[vertex as usize], place.normal_of_profile())
     }
 
-    /// How far the slope of the part may be from that of a triangle's patch with the normals of the profile, rad, and the rings beside
-    /// the places of its corners.
-    fn doubt(&self, triangle: usize) -> (f32, impl Iterator<Item = usize>) {
-        let places = self.mesh.triangles[triangle].map(|vertex| self.places.get(&vertex).copied());
-        let doubt = match places {
-            [Some(one), Some(two), Some(three)] => OF_TURNED as f32 * self.profile.doubt([one, two, three]),
-            _ => 0.0,
-        };
-        let rings = places.into_iter().flatten().flat_map(|place| self.profile.rings_beside(&place));
-        (doubt, rings)
-    }
-
     /// For each ring of the profile, whether that leaves less in doubt there than the facets do, whose doubts about the slope are
     /// `before`, rad.
     fn is_better(&self, before: &[f32]) -> Vec<bool> {
         let mut sums = vec![[0.0; 2]; self.profile.count()];
-        for &triangle in &self.triangles {
-            let (own, rings) = self.doubt(triangle);
-            let doubts = [own, before.get(triangle).copied().unwrap_or(0.0)];
-            for ring in rings {
+        for own in &self.triangles {
+            let doubts = [own.doubt, before.get(own.triangle).copied().unwrap_or(0.0)];
+            for ring in own.rings() {
                 for (sum, doubt) in sums[ring].iter_mut().zip(doubts) {
                     *sum += f64::from(doubt).powi(2);
                 }
@@ -250,23 +94,55 @@ impl Turned<'_> {
         sums.map(|(ring, [own, of_facets])| self.profile.is_smooth(ring) && own < BETTER * BETTER * of_facets)
             .collect()
     }
+
+    /// What the profile shows at rings where it `is_better`; `is_open` are the vertices whose normals are not known.
+    fn settled(
+        &self,
+        is_better: &[bool],
+        is_open: &[bool],
+        before: &[f32],
+        surroundings: &Surroundings<'_>,
+    ) -> SettledFace {
+        let is_used =
+            |place: &Place| self.profile.rings_beside(place).into_iter().all(|ring| is_better[ring]);
+        let used = self.vertices.iter().filter(|(vertex, place)| is_open[*vertex as usize] && is_used(place));
+        let doubt = |own: &TurnedTriangle| {
+            let most = before.get(own.triangle).copied().unwrap_or(0.0);
+            if own.rings().any(|ring| is_better[ring]) { own.doubt.min(most) } else { 0.0 }
+        };
+        let triangles: Vec<usize> = self.triangles.iter().map(|own| own.triangle).collect();
+        SettledFace {
+            vertices: used.map(|(vertex, place)| (*vertex, self.normal(*vertex, place))).collect(),
+            at_edges: surroundings.at_edges(&OfFace { face: self, triangles: &triangles }),
+            doubts: self.triangles.iter().map(doubt).collect(),
+            triangles,
+        }
+    }
 }
 
-impl Surface for Turned<'_> {
+/// A turned face as a surface of its triangles.
+struct OfFace<'a> {
+    face: &'a Turned<'a>,
+    triangles: &'a [usize],
+}
+
+impl Surface for OfFace<'_> {
     fn triangles(&self) -> &[usize] {
-        &self.triangles
+        self.triangles
     }
 
     fn outward(&self, side: usize) -> Vector3<f64> {
-        let corners = self.mesh.triangles[side / 3];
+        let Turned { mesh, vertices, .. } = self.face;
+        let corners = mesh.triangles[side / 3];
         let ends = [corners[side % 3], corners[(side % 3 + 1) % 3]].into_iter();
-        let known = ends.filter_map(|end| Some((end, self.places.get(&end)?)));
-        let sum: Vector3<f64> = known.map(|(end, place)| self.normal(end, place)).sum();
+        let index = |end: u32| vertices.binary_search_by_key(&end, |(vertex, _)| *vertex).ok();
+        let known = ends.filter_map(|end| index(end).map(|index| &vertices[index]));
+        let sum: Vector3<f64> = known.map(|(vertex, place)| self.face.normal(*vertex, place)).sum();
         sum.try_normalize(0.0).unwrap_or(sum)
     }
 
     fn largest_bulge(&self) -> f64 {
-        self.triangles.iter().map(|&triangle| self.mesh.bulge(triangle)).fold(0.0, f64::max)
+        self.triangles.iter().map(|&triangle| self.face.mesh.bulge(triangle)).fold(0.0, f64::max)
     }
 }
 
@@ -307,27 +183,13 @@ pub(super) fn found(
     }
     let before = before();
     let mut surroundings = None;
-    let settled = faces.into_iter().filter_map(|face| {
+    let settled = faces.iter().filter_map(|face| {
         let is_better = face.is_better(&before);
         if !is_better.contains(&true) {
             return None;
         }
         let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near, fork));
-        let is_used =
-            |place: &Place| face.profile.rings_beside(place).into_iter().all(|ring| is_better[ring]);
-        let used = face.places.iter().filter(|(vertex, place)| is_open[**vertex as usize] && is_used(place));
-        let vertices = used.map(|(&vertex, place)| (vertex, face.normal(vertex, place)));
-        let doubt = |&triangle: &usize| {
-            let (doubt, mut rings) = face.doubt(triangle);
-            let most = before.get(triangle).copied().unwrap_or(0.0);
-            if rings.any(|ring| is_better[ring]) { doubt.min(most) } else { 0.0 }
-        };
-        Some(SettledFace {
-            vertices: vertices.collect(),
-            at_edges: surroundings.at_edges(&face),
-            doubts: face.triangles.iter().map(doubt).collect(),
-            triangles: face.triangles,
-        })
+        Some(face.settled(&is_better, &is_open, &before, surroundings))
     });
     Settled { faces: settled.collect() }
 }
@@ -380,6 +242,18 @@ struct Search<'a> {
     last_walk: Vec<u32>,
     /// … of so many.
     walk: u32,
+    /// For each triangle and each vertex, its index in the last piece that has it.
+    indices: [Vec<u32>; 2],
+}
+
+/// Triangles that can be reached from each other, and their vertices, both in ascending order.
+struct Piece {
+    triangles: Vec<usize>,
+    vertices: Vec<u32>,
+    /// For each triangle the indices of its vertices.
+    corners: Vec<[u32; 3]>,
+    /// mm.
+    points: Vec<Point3<f64>>,
 }
 
 impl<'a> Search<'a> {
@@ -402,6 +276,7 @@ impl<'a> Search<'a> {
             visits: MOST_VISITS * count,
             last_walk: vec![0; count],
             walk: 0,
+            indices: [vec![0; count], vec![0; mesh.positions.len()]],
         };
         let (mut faces, mut seed) = (Vec::new(), first);
         while seed < count && search.visits > 0 {
@@ -409,16 +284,20 @@ impl<'a> Search<'a> {
                 seed += 1;
                 continue;
             }
-            let part = search.reachable(seed, |triangle| !is_seen[triangle]);
-            part.iter().for_each(|&triangle| is_seen[triangle] = true);
-            let found = search.faces_in(&part);
+            let reached = search.reachable(seed, |triangle| !is_seen[triangle]);
+            reached.iter().for_each(|&triangle| is_seen[triangle] = true);
+            if reached.len() < LEAST_TRIANGLES {
+                continue;
+            }
+            let piece = search.piece(reached);
+            let found = search.faces_in(&piece);
             if !found.is_empty() {
                 // Others may be turned about another axis.
-                part.iter().for_each(|&triangle| is_seen[triangle] = false);
+                piece.triangles.iter().for_each(|&triangle| is_seen[triangle] = false);
                 seed = first;
             }
             for face in found {
-                face.triangles.iter().for_each(|&triangle| is_seen[triangle] = true);
+                face.triangles.iter().for_each(|own| is_seen[own.triangle] = true);
                 faces.push(face);
             }
         }
@@ -447,18 +326,45 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Of some triangles, the most of which all are of a kind and can be reached from each other, in ascending order.
-    fn largest_of(&mut self, part: &[usize], is_of_kind: impl Fn(usize) -> bool) -> Vec<usize> {
-        let mut is_seen: Vec<bool> = part.iter().map(|&triangle| !is_of_kind(triangle)).collect();
+    fn piece(&mut self, triangles: Vec<usize>) -> Piece {
+        let [of_triangles, of_vertices] = &mut self.indices;
+        for (index, &triangle) in triangles.iter().enumerate() {
+            of_triangles[triangle] = index as u32;
+        }
+        let corners = || triangles.iter().map(|&triangle| self.mesh.triangles[triangle]);
+        let mut vertices: Vec<u32> = corners().flatten().collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        for (index, &vertex) in vertices.iter().enumerate() {
+            of_vertices[vertex as usize] = index as u32;
+        }
+        Piece {
+            corners: corners().map(|corners| corners.map(|vertex| of_vertices[vertex as usize])).collect(),
+            points: vertices.iter().map(|&vertex| self.mesh.positions[vertex as usize]).collect(),
+            triangles,
+            vertices,
+        }
+    }
+
+    /// Of the triangles of the last piece, the most that all are chosen and can be reached from each other, by their indices in
+    /// ascending order.
+    fn largest_of(&mut self, piece: &Piece, mut is_chosen: Vec<bool>) -> Vec<usize> {
         let mut largest = Vec::new();
-        for (index, &seed) in part.iter().enumerate() {
-            if is_seen[index] {
+        for seed in 0..is_chosen.len() {
+            if !is_chosen[seed] {
                 continue;
             }
-            let found = self
-                .reachable(seed, |triangle| part.binary_search(&triangle).is_ok_and(|index| !is_seen[index]));
-            let own = found.iter().filter_map(|triangle| part.binary_search(triangle).ok());
-            own.for_each(|index| is_seen[index] = true);
+            let of_triangles = std::mem::take(&mut self.indices[0]);
+            let index = |triangle: usize| {
+                let index = of_triangles[triangle] as usize;
+                (piece.triangles.get(index) == Some(&triangle)).then_some(index)
+            };
+            let found = self.reachable(piece.triangles[seed], |triangle| {
+                index(triangle).is_some_and(|index| is_chosen[index])
+            });
+            let found: Vec<usize> = found.into_iter().filter_map(index).collect();
+            self.indices[0] = of_triangles;
+            found.iter().for_each(|&index| is_chosen[index] = false);
             if found.len() > largest.len() {
                 largest = found;
             }
@@ -466,17 +372,10 @@ impl<'a> Search<'a> {
         largest
     }
 
-    /// The faces among some triangles that are turned about one axis.
-    fn faces_in(&mut self, part: &[usize]) -> Vec<Turned<'a>> {
-        if part.len() < LEAST_TRIANGLES {
-            return Vec::new();
-        }
-        let mut vertices: Vec<u32> =
-            part.iter().flat_map(|&triangle| self.mesh.triangles[triangle]).collect();
-        vertices.sort_unstable();
-        vertices.dedup();
+    /// The faces of a piece that are turned about one axis.
+    fn faces_in(&mut self, piece: &Piece) -> Vec<Turned<'a>> {
         let mut tried: Vec<Axis> = Vec::new();
-        for &start in part.iter().step_by(part.len().div_ceil(MOST_STARTS)) {
+        for &start in piece.triangles.iter().step_by(piece.triangles.len().div_ceil(MOST_STARTS)) {
             for vertex in self.mesh.triangles[start] {
                 for axis in self.axes_at(vertex) {
                     if tried.iter().any(|other| other.is_like(&axis)) {
@@ -486,7 +385,7 @@ impl<'a> Search<'a> {
                         return Vec::new();
                     }
                     tried.push(axis);
-                    let faces = self.faces_about(axis, part, &vertices).unwrap_or_default();
+                    let faces = self.faces_about(axis, piece).unwrap_or_default();
                     if !faces.is_empty() {
                         return faces;
                     }
@@ -529,44 +428,38 @@ impl<'a> Search<'a> {
         axes
     }
 
-    /// The faces among some triangles with these vertices that are turned about an axis, one for each profile; `None` if there are no
-    /// rings about it.
-    fn faces_about(&mut self, mut axis: Axis, part: &[usize], vertices: &[u32]) -> Option<Vec<Turned<'a>>> {
-        let mesh = self.mesh;
-        self.visits = self.visits.saturating_sub(part.len());
-        let points: Vec<Point3<f64>> =
-            vertices.iter().map(|&vertex| mesh.positions[vertex as usize]).collect();
+    /// The faces of a piece that are turned about an axis, one for each profile; `None` if there are no rings about it.
+    fn faces_about(&mut self, mut axis: Axis, piece: &Piece) -> Option<Vec<Turned<'a>>> {
+        self.visits = self.visits.saturating_sub(piece.triangles.len());
+        let points = &piece.points;
         for apart in APART {
-            let rings = Rings::about(&axis, &points, apart * self.near);
-            let members = rings.members(&points);
+            let rings = Rings::about(&axis, points, apart * self.near);
+            let members = rings.members(points);
             if rings.count < LEAST_RINGS || members.len() < LEAST_RINGS * LEAST_ON_RING {
                 return None;
             }
             axis = axis.fitted(&members, rings.count)?;
         }
-        let rings = Rings::about(&axis, &points, APART[2] * self.near);
+        let rings = Rings::about(&axis, points, APART[2] * self.near);
         let mut members: Vec<Vec<u32>> = vec![Vec::new(); rings.count];
-        for (&vertex, &ring) in vertices.iter().zip(&rings.of_vertex).filter(|(_, ring)| **ring != NONE) {
+        for (vertex, &ring) in (0..).zip(&rings.of_vertex).filter(|(_, ring)| **ring != NONE) {
             members[ring as usize].push(vertex);
         }
         // A few vertices are at one height by chance, or because the mesh is symmetric.
         let largest = members.iter().map(Vec::len).max()?;
         members.retain(|ring| ring.len() == 1 || ring.len() as f64 > SHORT_RING * largest as f64);
-        let places: Vec<RingPlace> = members.iter().map(|ring| RingPlace::of(&axis, mesh, ring)).collect();
-        let ring_of: BTreeMap<u32, usize> = members
-            .iter()
-            .enumerate()
-            .flat_map(|(ring, members)| members.iter().map(move |&vertex| (vertex, ring)))
-            .collect();
+        let places: Vec<RingPlace> = members.iter().map(|ring| RingPlace::of(&axis, points, ring)).collect();
+        let mut ring_of = vec![NONE; points.len()];
+        for (ring, members) in (0..).zip(&members) {
+            members.iter().for_each(|&vertex| ring_of[vertex as usize] = ring);
+        }
         let mut beside = vec![BTreeSet::new(); places.len()];
-        for &triangle in part {
-            let own = mesh.triangles[triangle].map(|vertex| ring_of.get(&vertex));
-            for pair in [[own[0], own[1]], [own[1], own[2]], [own[2], own[0]]] {
-                if let [Some(&one), Some(&other)] = pair
-                    && one != other
-                {
-                    beside[one].insert(other);
-                    beside[other].insert(one);
+        for corners in &piece.corners {
+            let own = corners.map(|vertex| ring_of[vertex as usize]);
+            for [one, other] in [[own[0], own[1]], [own[1], own[2]], [own[2], own[0]]] {
+                if one != other && one != NONE && other != NONE {
+                    beside[one as usize].insert(other as usize);
+                    beside[other as usize].insert(one as usize);
                 }
             }
         }
@@ -575,170 +468,103 @@ impl<'a> Search<'a> {
         for (ring, others) in beside.iter_mut().enumerate() {
             others.retain(|other| !is_hub[ring] && !is_hub[*other]);
         }
-        let points: Vec<[f64; 2]> = places.iter().map(|place| place.at).collect();
-        let curves = curves(&points, &beside);
-        let faces = curves.into_iter().filter_map(|(order, is_closed)| {
+        let at: Vec<[f64; 2]> = places.iter().map(|place| place.at).collect();
+        let faces = curves(&at, &beside).into_iter().filter_map(|(order, is_closed)| {
             let members: Vec<&[u32]> = order.iter().map(|&ring| &members[ring][..]).collect();
             let rings: Vec<RingPlace> = order.iter().map(|&ring| places[ring]).collect();
-            self.face_along(axis, part, &members, &rings, is_closed)
+            self.face_along(axis, piece, &members, &rings, is_closed)
         });
         Some(faces.collect())
     }
 
-    /// The face among some triangles about an axis whose profile runs through rings in their order, by their vertices and places.
+    /// The face of a piece about an axis whose profile runs through rings in their order, by the indices of their vertices and by their
+    /// places.
     fn face_along(
         &mut self,
         axis: Axis,
-        part: &[usize],
+        piece: &Piece,
         members: &[&[u32]],
         rings: &[RingPlace],
         is_closed: bool,
     ) -> Option<Turned<'a>> {
         let mesh = self.mesh;
         let is_pole = [0, rings.len() - 1].map(|end| members[end].len() == 1);
-        let known = |vertices: &[u32]| {
-            let mut known = vertices.iter().filter(|&&vertex| !self.is_open[vertex as usize]);
-            let in_space = |&&vertex: &&u32| {
-                let (at, normal) = (&mesh.positions[vertex as usize], &mesh.normals[vertex as usize]);
-                (axis.misses(at, normal) < EXACT).then(|| axis.in_profile(at, normal))
-            };
-            known.find_map(|vertex| in_space(&vertex))
-        };
-        let known: Vec<Option<[f64; 2]>> = members.iter().map(|vertices| known(vertices)).collect();
         let mut profile = Profile::through(rings, is_closed, is_pole)?;
-        let outward: f64 = members
-            .iter()
-            .enumerate()
-            .map(|(ring, vertices)| {
-                let vertex = vertices[0] as usize;
-                let own = axis.in_space(&mesh.positions[vertex], profile.at_ring(ring).normal_of_profile());
-                own.dot(&mesh.normals[vertex])
-            })
-            .sum();
-        if outward < 0.0 {
+        let vertex = |index: u32| piece.vertices[index as usize] as usize;
+        let outward = |(ring, members): (usize, &&[u32])| {
+            let vertex = vertex(members[0]);
+            let own = axis.in_space(&mesh.positions[vertex], profile.at_ring(ring).normal_of_profile());
+            own.dot(&mesh.normals[vertex])
+        };
+        if members.iter().enumerate().map(outward).sum::<f64>() < 0.0 {
             profile.turn_over();
         }
-        profile.set_known(&known);
-        let mut places: BTreeMap<u32, Place> = BTreeMap::new();
-        for (ring, vertices) in members.iter().enumerate() {
-            places.extend(vertices.iter().map(|&vertex| (vertex, profile.at_ring(ring))));
+        let known = |members: &&[u32]| {
+            let mut known =
+                members.iter().map(|&index| vertex(index)).filter(|&vertex| !self.is_open[vertex]);
+            known.find_map(|vertex| {
+                let (at, normal) = (&mesh.positions[vertex], &mesh.normals[vertex]);
+                (axis.misses(at, normal) < EXACT).then(|| axis.in_profile(at, normal))
+            })
+        };
+        profile.set_known(&members.iter().map(known).collect::<Vec<_>>());
+        let mut places: Vec<Option<Place>> = vec![None; piece.points.len()];
+        for (ring, members) in members.iter().enumerate() {
+            members.iter().for_each(|&index| places[index as usize] = Some(profile.at_ring(ring)));
         }
-        // Vertices between rings.
-        let mut front: Vec<usize> = part.to_vec();
+        self.place_others(&mut places, &axis, &profile, piece);
+        let places_of = |corners: &[u32; 3]| {
+            let [one, two, three] = corners.map(|index| places[index as usize]);
+            Some([one?, two?, three?])
+        };
+        let is_placed = piece.corners.iter().map(|corners| places_of(corners).is_some()).collect();
+        let of_face = self.largest_of(piece, is_placed);
+        if of_face.len() < LEAST_TRIANGLES {
+            return None;
+        }
+        let mut is_used = vec![false; places.len()];
+        of_face
+            .iter()
+            .flat_map(|&index| piece.corners[index])
+            .for_each(|index| is_used[index as usize] = true);
+        let triangle = |index: usize| {
+            let places = places_of(&piece.corners[index])?;
+            Some(TurnedTriangle {
+                triangle: piece.triangles[index],
+                doubt: OF_TURNED as f32 * profile.doubt(places),
+                rings: places.map(|place| profile.rings_beside(&place)),
+            })
+        };
+        let triangles = of_face.into_iter().filter_map(triangle).collect();
+        let used = piece.vertices.iter().zip(&places).zip(is_used).filter(|(_, is_used)| *is_used);
+        let vertices = used.filter_map(|((&vertex, place), _)| Some((vertex, (*place)?))).collect();
+        Some(Turned { mesh, axis, profile, vertices, triangles })
+    }
+
+    /// Finds the places of the vertices of a piece that are between rings, from triangle to triangle.
+    fn place_others(&mut self, places: &mut [Option<Place>], axis: &Axis, profile: &Profile, piece: &Piece) {
+        let mut front: Vec<&[u32; 3]> = piece.corners.iter().collect();
         loop {
-            let before = places.len();
-            front.retain(|&triangle| {
-                let corners = mesh.triangles[triangle];
-                let round: Vec<Place> =
-                    corners.iter().filter_map(|vertex| places.get(vertex).copied()).collect();
+            let mut is_done = true;
+            front.retain(|corners| {
+                let round: Vec<Place> = corners.iter().filter_map(|&index| places[index as usize]).collect();
                 if round.is_empty() {
                     return true;
                 }
-                for vertex in
-                    corners.into_iter().filter(|vertex| !places.contains_key(vertex)).collect::<Vec<_>>()
-                {
-                    let at = axis.place(&mesh.positions[vertex as usize]);
-                    if let Some(place) = profile.place(&round, at, self.near) {
-                        places.insert(vertex, place);
+                for index in corners.map(|index| index as usize) {
+                    if places[index].is_none() {
+                        places[index] = profile.place(&round, axis.place(&piece.points[index]), self.near);
+                        is_done &= places[index].is_none();
                     }
                 }
                 false
             });
             self.visits = self.visits.saturating_sub(front.len());
-            if places.len() == before || self.visits == 0 {
-                break;
-            }
-        }
-        let is_placed =
-            |triangle: usize| mesh.triangles[triangle].iter().all(|vertex| places.contains_key(vertex));
-        let triangles = self.largest_of(part, is_placed);
-        if triangles.len() < LEAST_TRIANGLES {
-            return None;
-        }
-        let mut is_used: Vec<u32> = triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]).collect();
-        is_used.sort_unstable();
-        places.retain(|vertex, _| is_used.binary_search(vertex).is_ok());
-        Some(Turned { mesh, axis, profile, places, triangles })
-    }
-}
-
-/// The pieces of a curve through points between places where it bends by more than [`MOST_BEND`] from one chord to the next.
-fn smooth_pieces(points: &[[f64; 2]], mut order: Vec<usize>, is_closed: bool) -> Vec<(Vec<usize>, bool)> {
-    let is_corner = |order: &[usize], at: usize| {
-        let count = order.len();
-        let [before, here, after] = [at + count - 1, at, at + 1].map(|at| points[order[at % count]]);
-        let chord = |from: [f64; 2], to: [f64; 2]| Vector2::new(to[0] - from[0], to[1] - from[1]);
-        chord(before, here).angle(&chord(here, after)) > MOST_BEND
-    };
-    if is_closed {
-        let Some(corner) = (0..order.len()).find(|&at| is_corner(&order, at)) else {
-            return vec![(order, true)];
-        };
-        order.rotate_left(corner);
-        order.push(order[0]);
-    }
-    let mut pieces = Vec::new();
-    let mut first = 0;
-    for at in 1..order.len() {
-        if at + 1 == order.len() || is_corner(&order, at) {
-            pieces.push((order[first..=at].to_vec(), false));
-            first = at;
-        }
-    }
-    pieces
-}
-
-/// The curves on which points are that follow each other, each in its order, and whether it is closed. Of the points `beside` one and
-/// beside these, those follow it to which no other is nearer than both are to each other (Toussaint, The relative neighbourhood graph of
-/// a finite planar set, 1980). Where more than two follow, they are on no curve.
-fn curves(points: &[[f64; 2]], beside: &[BTreeSet<usize>]) -> Vec<(Vec<usize>, bool)> {
-    let apart = |one: usize, other: usize| {
-        (points[one][0] - points[other][0]).hypot(points[one][1] - points[other][1])
-    };
-    let near: Vec<BTreeSet<usize>> = (0..points.len())
-        .map(|one| {
-            let second = beside[one].iter().flat_map(|&other| beside[other].iter().copied());
-            beside[one].iter().copied().chain(second).filter(|other| *other != one).collect()
-        })
-        .collect();
-    let next: Vec<Vec<usize>> = (0..points.len())
-        .map(|one| {
-            let is_next = |&other: &usize| {
-                let length = apart(one, other);
-                let is_between = |&point: &usize| apart(one, point) < length && apart(point, other) < length;
-                !near[one].iter().chain(&near[other]).any(is_between)
-            };
-            near[one].iter().copied().filter(is_next).collect()
-        })
-        .collect();
-    let mut is_seen = vec![false; points.len()];
-    let mut curves = Vec::new();
-    // Those with ends first; the others are closed.
-    for ends in [1, 2] {
-        for first in 0..points.len() {
-            if is_seen[first] || next[first].len() != ends {
-                continue;
-            }
-            is_seen[first] = true;
-            let (mut order, mut here) = (vec![first], next[first][0]);
-            while !is_seen[here] && next[here].len() <= 2 {
-                is_seen[here] = true;
-                order.push(here);
-                let onward =
-                    next[here].iter().copied().find(|&point| !is_seen[point] && next[point].len() <= 2);
-                here = onward.unwrap_or(here);
-            }
-            let own: BTreeSet<usize> = order.iter().copied().collect();
-            let others = order.iter().flat_map(|&point| &beside[point]);
-            let of_other_curves = others.clone().filter(|other| !own.contains(other)).count();
-            if of_other_curves as f64 <= MOST_OF_OTHERS * others.count() as f64 {
-                let is_closed = ends == 2 && next[here].contains(&first);
-                let pieces = smooth_pieces(points, order, is_closed).into_iter();
-                curves.extend(pieces.filter(|(order, _)| order.len() >= LEAST_RINGS));
+            if is_done || self.visits == 0 {
+                return;
             }
         }
     }
-    curves
 }
 
 #[cfg(test)]
