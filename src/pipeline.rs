@@ -292,10 +292,8 @@ impl Pipeline {
 
         steps.at(Step::Map);
         let whole = learned;
-        let near = whole.near(&placed_pattern, settings);
-        let seen = near.as_ref().unwrap_or(whole).on_marked_regions(&placed_pattern, whole, settings);
-        let near = seen.or(near);
-        let learned = near.as_ref().unwrap_or(whole);
+        let needed = whole.needed_for(&placed_pattern, settings);
+        let learned = needed.as_ref().unwrap_or(whole);
         let part = &learned.kept;
         let surface = &part.surface;
         let rolled = Self::rolled(placed_pattern, learned, whole, settings, input.name)?;
@@ -537,7 +535,7 @@ impl Pipeline {
             map: map.clone(),
             fixture: projection.fixture,
             head: projection.head,
-            surface: near.as_ref().map(|near| Arc::new(near.kept.surface.clone())),
+            surface: needed.as_ref().map(|part| Arc::new(part.kept.surface.clone())),
             drawn,
         });
         let steps = stepped.map_or_else(Vec::new, |stepped| stepped.steps);

@@ -116,10 +116,8 @@ impl Pipeline {
         let settings = &Self::framed(settings, sku, &learned.kept, &mut Vec::new());
         let steps = self.observer.steps(input.name);
         let placed = self.place(input, &learned.kept, settings, &steps, &mut clock)?;
-        let near = learned.near(&placed, settings);
-        let seen = near.as_ref().unwrap_or(learned).on_marked_regions(&placed, learned, settings);
-        let near = seen.or(near);
-        let near = near.as_ref().unwrap_or(learned);
+        let needed = learned.needed_for(&placed, settings);
+        let near = needed.as_ref().unwrap_or(learned);
         let compared: Vec<_> =
             methods.iter().flat_map(|method| variants(*method, &settings.correction)).collect();
         let (of, mut rows) = (compared.len(), Vec::new());

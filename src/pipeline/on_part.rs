@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 
 use super::landmarks::view_of;
 use super::marked::{DrawnPart, Marked};
-use super::preview::{lifted, piece};
+use super::preview::{lifted, piece, uncorrected};
 use super::{LearnedPart, Pipeline, program};
 use crate::config::Sku;
 use crate::geometry::ink_mesh::FlatMesh;
@@ -59,7 +59,7 @@ impl Pipeline {
         let mut mark = lines(&marked.ink, marked, &view, landing, raise);
         mark.extend(lines(&marked.fill, marked, &view, landing, raise));
         let plain = |flat: FlatPoint| {
-            let at = projection.uncorrected(flat).unwrap_or_else(|| flat.coords().into());
+            let at = uncorrected(&projection, flat);
             Point3::new(at.x, at.y, surface.sampled_height(at).unwrap_or(f64::NAN))
         };
         // A drawing that goes round is wider than the part.

@@ -149,8 +149,16 @@ impl Pipeline {
 }
 
 impl LearnedPart {
+    /// The part as a placed drawing needs it: with smaller spans where it has them, and without what the drawing is not marked on;
+    /// `None` if that is the whole part.
+    pub(super) fn needed_for(&self, drawing: &PlacedPattern, settings: &JobSettings) -> Option<Self> {
+        let near = self.near(drawing, settings);
+        let seen = near.as_ref().unwrap_or(self).on_marked_regions(drawing, self, settings);
+        seen.or(near)
+    }
+
     /// The part round a placed drawing, where its surface has smaller spans there.
-    pub(super) fn near(&self, drawing: &PlacedPattern, settings: &JobSettings) -> Option<Self> {
+    fn near(&self, drawing: &PlacedPattern, settings: &JobSettings) -> Option<Self> {
         if settings.rotary.tiles != Tiles::Off {
             return None;
         }

@@ -199,7 +199,7 @@ pub(super) fn before_range(
 }
 
 /// Where a point of the drawing lands without a correction; as it is seen where the beam is not known to meet the part.
-fn uncorrected(projection: &Projection<'_>, at: FlatPoint) -> ViewPoint {
+pub(super) fn uncorrected(projection: &Projection<'_>, at: FlatPoint) -> ViewPoint {
     projection.uncorrected(at).unwrap_or_else(|| at.coords().into())
 }
 

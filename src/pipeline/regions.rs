@@ -127,7 +127,8 @@ impl LearnedPart {
                 }
             }
             None if main != first => only(&main).filter(|part| mapped(part).is_some()).or(part),
-            None => part,
+            // A map that is only found on the whole part is one.
+            None => part.filter(|_| mapped(self).is_none()),
         }
     }
 }
