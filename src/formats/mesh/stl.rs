@@ -133,6 +133,12 @@ const KEYWORDS: [&[u8]; 6] = [b"facet", b"outer", b"vertex", b"endloop", b"endfa
 /// The statements of a line: usually one, but the format separates words by any white space. The name of a solid extends to the end of
 /// its line or to `facet normal`.
 fn statements(line: &[u8]) -> Vec<&[u8]> {
+    // Each keyword has one of these letters, and no number has.
+    let is_of_keyword = |letter: &u8| matches!(letter.to_ascii_lowercase(), b'd' | b'f' | b'o' | b'v');
+    let after_first = line.trim_ascii_start().iter().skip_while(|letter| !letter.is_ascii_whitespace());
+    if !after_first.into_iter().any(is_of_keyword) {
+        return vec![line.trim_ascii()];
+    }
     let is = |word: &[u8], keyword: &[u8]| word.eq_ignore_ascii_case(keyword);
     let (mut found, mut start, mut names) = (Vec::new(), 0, false);
     let mut words = words(line).peekable();
