@@ -564,7 +564,8 @@ fn unused(facts: &PatternFacts, settings: &ContentSettings) -> Option<Notice> {
     let given: Vec<String> = serial.into_iter().chain(columns).collect();
     (!is_used && !given.is_empty()).then(|| {
         let message = format!(
-            "nothing of what is given, {}, is marked: the drawing has no field such as {{serial}} or {{csv:COLUMN}} for it",
+            "given, but not marked: {}. The drawing has no field such as {{serial}} or {{csv:COLUMN}} for it; add the field, or leave \
+             the value out",
             given.join(" and ")
         );
         Notice::warning("content-unused", message)

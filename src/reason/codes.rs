@@ -772,7 +772,7 @@ const CODES: &[Code] = &[
         "gltf-repaired",
         "The glTF file is not valid, and was read without what is wrong.",
         "The message lists what was repaired or ignored: scenes without nodes, and invalid animations, materials, textures, \
-         images, skins and cameras. None of them changes the shape.",
+         images and cameras, and skins that no object uses. None of them changes the shape.",
         "Check the part in the preview. Update the program that wrote the file.",
     ]),
     notice([

@@ -265,12 +265,12 @@ pub(super) fn bounds_ink(name: &str) -> bool {
 /// The notice about objects that the file hides, and which are left out.
 pub(super) fn hidden_notice(count: usize) -> Option<Notice> {
     (count > 0).then(|| {
-        let objects =
-            if count == 1 { "1 object that the file hides is" } else { "objects that the file hides are" };
-        let number = if count == 1 { String::new() } else { format!("{count} ") };
-        let message = format!(
-            "{number}{objects} left out; if the laser meets it, show it in the program and export again"
-        );
+        let objects = match count {
+            1 => "1 object that the file hides is".to_owned(),
+            _ => format!("{count} objects that the file hides are"),
+        };
+        let message =
+            format!("{objects} left out; show in your program what the laser meets, and export again");
         Notice::warning("part-hidden", message)
     })
 }
