@@ -39,7 +39,7 @@ pub(super) fn is_whole(bytes: &[u8]) -> Result<(), MeshReadError> {
         return binary_facets(bytes).map(|_| ());
     }
     let (line, last, _) = last_line(bytes);
-    let last = statements(last).last().copied().unwrap_or_default();
+    let last = statements(last).next_back().unwrap_or_default();
     let ends = words(last).next().is_some_and(|word| word.eq_ignore_ascii_case(b"endsolid"));
     if ends { Ok(()) } else { Err(MeshReadError::CutLine { line, text: beginning(last) }) }
 }
@@ -132,13 +132,22 @@ const KEYWORDS: [&[u8]; 6] = [b"facet", b"outer", b"vertex", b"endloop", b"endfa
 
 /// The statements of a line: usually one, but the format separates words by any white space. The name of a solid extends to the end of
 /// its line or to `facet normal`.
-fn statements(line: &[u8]) -> Vec<&[u8]> {
-    // Each keyword has one of these letters, and no number has.
-    let is_of_keyword = |letter: &u8| matches!(letter.to_ascii_lowercase(), b'd' | b'f' | b'o' | b'v');
-    let after_first = line.trim_ascii_start().iter().skip_while(|letter| !letter.is_ascii_whitespace());
-    if !after_first.into_iter().any(is_of_keyword) {
-        return vec![line.trim_ascii()];
-    }
+fn statements(line: &[u8]) -> impl DoubleEndedIterator<Item = &[u8]> {
+    let line = line.trim_ascii();
+    // Each keyword has one of these letters, and no number has. All are looked at, which takes no branches.
+    let first_ends = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+    let may_have_others = line[first_ends..]
+        .iter()
+        .fold(false, |found, letter| found | matches!(letter | 0x20, b'd' | b'f' | b'u' | b'v'));
+    let starts = if may_have_others { starts_of_others(line) } else { Vec::new() };
+    (0..=starts.len()).map(move |index| {
+        let start = index.checked_sub(1).map_or(0, |before| starts[before]);
+        line[start..starts.get(index).copied().unwrap_or(line.len())].trim_ascii()
+    })
+}
+
+/// Where statements begin behind the first one of a line.
+fn starts_of_others(line: &[u8]) -> Vec<usize> {
     let is = |word: &[u8], keyword: &[u8]| word.eq_ignore_ascii_case(keyword);
     let (mut found, mut start, mut names) = (Vec::new(), 0, false);
     let mut words = words(line).peekable();
@@ -149,14 +158,13 @@ fn statements(line: &[u8]) -> Vec<&[u8]> {
             false => KEYWORDS.iter().any(|keyword| is(word, keyword)),
         };
         if at > 0 && begins {
-            found.push(line[start..at].trim_ascii());
+            found.push(at);
             start = at;
         }
         if at == start {
             names = is(word, b"solid") || is(word, b"endsolid");
         }
     }
-    found.push(line[start..].trim_ascii());
     found
 }
 
@@ -164,7 +172,7 @@ fn read_text(bytes: &[u8]) -> Result<(Vec<Point3<f64>>, RawPart), MeshReadError>
     is_whole(bytes)?;
     let (mut positions, mut in_facet, mut names) = (Vec::new(), 0, Vec::new());
     let lines = lines(without_mark(bytes));
-    let all = lines.flat_map(|(line, text)| statements(text).into_iter().map(move |text| (line, text)));
+    let all = lines.flat_map(|(line, text)| statements(text).map(move |text| (line, text)));
     for (line, text) in all {
         let mut words = words(text);
         let Some(keyword) = words.next() else { continue };
