@@ -36,10 +36,14 @@ const ANGLE_RATIOS: [f64; 2] = [0.3, 3.0];
 const FIRST_WEIGHTS: [f64; 2] = [3.0, 1.7];
 /// Paper that gives way more than this many times as much as with the even map becomes stiffer.
 const PAPER: f64 = 2.0;
-/// A step that multiplies the cost by more than this is shortened.
+/// A step that multiplies the cost by more than this is damped.
 const OVERSHOOT: f64 = 4.0;
-/// A step is shortened to no less than this share.
-const SHORTEST: f64 = 1.0 / 8.0;
+/// The first damping, as a multiple of the root of the cost: a turn by θ, which the linearised strains do not see, strains by θ²/2.
+const FIRST_DAMPING: f64 = 1.0 / 16.0;
+/// By how much the damping grows until a step does not overshoot …
+const MORE_DAMPING: f64 = 8.0;
+/// … at most so often.
+const MOST_TRIES: usize = 5;
 
 /// The scales of the weights for a map with these strains.
 fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales {
@@ -51,6 +55,7 @@ fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales
         paper: PAPER * even.strain + SMALL,
         angles: options.angle_weight * spread.min(1.0).powf(1.5),
         limit: options.angle_limit * even.angle + SMALL,
+        damping: 0.0,
     }
 }
 
@@ -171,37 +176,37 @@ impl IsometricMap {
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
             return true;
         }
-        let scales = scales(&figures, even, options);
+        let mut scales = scales(&figures, even, options);
         let mut cost = figures.cost(&scales, options);
         let mut best = figures.verdict(&scales, options);
         let mut kept = self.control.clone();
         let (mut last, mut has_gained) = (best, false);
+        let starts_within = figures.largest_angle <= scales.limit;
         let (mut landmark, mut since) = (best, 0);
-        for round in 0..if options.is_thorough { MOST_THOROUGH } else { MAX_ROUNDS } {
+        'rounds: for round in 0..if options.is_thorough { MOST_THOROUGH } else { MAX_ROUNDS } {
             let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
             weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
-            let equations = equations(self, anchor, samples, &strains, &scales, fork);
-            let Ok(shifts) = equations.solve(solver) else { break };
             let (start, before) = (self.control.clone(), cost);
-            let mut fraction = 1.0;
-            loop {
+            let mut tries = 0;
+            let shifts = loop {
+                let equations = equations(self, anchor, samples, &strains, &scales, fork);
+                let Ok(shifts) = equations.solve(solver) else { break 'rounds };
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
-                    *point = old + Vector2::from(*shift) * fraction;
+                    *point = old + Vector2::from(*shift);
                 }
                 figures = Figures::of(self.strained(surface, samples, &mut strains, fork, Sums::of));
                 cost = figures.cost(&scales, options);
-                if cost <= OVERSHOOT * before || fraction <= SHORTEST {
-                    break;
+                if cost <= OVERSHOOT * before || tries == MOST_TRIES {
+                    break shifts;
                 }
-                fraction /= 2.0;
-            }
+                tries += 1;
+                let first = FIRST_DAMPING * before.sqrt() / options.box_weight;
+                scales.damping = (MORE_DAMPING * scales.damping).max(first);
+                self.control.clone_from(&start);
+                self.strained(surface, samples, &mut strains, fork, |_, _| ());
+            };
             let largest = shifts.iter().map(|&shift| Vector2::from(shift).norm()).fold(0.0, f64::max);
-            self.iterations.push(Iteration {
-                cells,
-                energy: before,
-                reached: cost,
-                step: largest * fraction,
-            });
+            self.iterations.push(Iteration { cells, energy: before, reached: cost, step: largest });
             let verdict = figures.verdict(&scales, options);
             if verdict < best {
                 (best, has_gained) = (verdict, true);
@@ -226,7 +231,7 @@ impl IsometricMap {
             last = verdict;
         }
         self.control = kept;
-        has_gained
+        has_gained || starts_within
     }
 }
 

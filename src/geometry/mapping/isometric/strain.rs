@@ -101,6 +101,14 @@ const ALL_ROUND: [Vector2<f64>; 4] = {
     ]
 };
 
+/// The components of ∂φ/∂s and ∂φ/∂t as what is measured.
+const CHANGES: [Derivative; 4] = [
+    [[0.0; 2], [1.0, 0.0], [0.0; 2]],
+    [[0.0; 2], [0.0, 1.0], [0.0; 2]],
+    [[0.0; 2], [0.0; 2], [1.0, 0.0]],
+    [[0.0; 2], [0.0; 2], [0.0, 1.0]],
+];
+
 impl Sample {
     /// A place with all weights zero.
     pub(super) fn at(s: Basis, t: Basis) -> Self {
@@ -370,6 +378,11 @@ impl Weighting for Scales {
             if squeezed > 0.0 {
                 let (change, derivative) = strain.area_strain();
                 take(sample.all_round * squeezed, change, &derivative);
+            }
+            if self.damping > 0.0 {
+                for derivative in &CHANGES {
+                    take(sample.all_round * self.damping, 0.0, derivative);
+                }
             }
         }
         if sample.angle > 0.0 {

@@ -89,6 +89,28 @@ fn on_a_developable_surface_the_start_is_already_the_solution() {
     assert!((end.x - 30.0 * (20.0f64 / 30.0).sin()).abs() < 1e-3, "{end:?}");
 }
 
+/// Paper holds a drawing far from its anchor so weakly that a step turns it by more than the linearised strains bear.
+#[test]
+fn lines_far_from_the_anchor_are_as_true_as_near_it() {
+    // A barrel: turned about the y axis by itself, it does not change.
+    let radius = |y: f64| 36.0 - y * y / 160.0 + y * y * y / 4000.0;
+    let surface = graph(|x, y| (radius(y).powi(2) - x * x).max(0.0).sqrt());
+    for aside in [-14.0, -17.0, -20.0] {
+        let shift = Vector2::new(aside, -18.0);
+        let mut ink = frame(14.0, 30.0);
+        for piece in &mut ink.pieces {
+            (piece.from, piece.to) = (piece.from + shift, piece.to + shift);
+        }
+        ink.extents = Extents::of(ink.pieces.iter().map(|piece| piece.from.coords()));
+        let errors = [MIDDLE, FlatPoint::from(shift)].map(|anchor| {
+            let map = IsometricMap::solve(&surface, &ink, anchor, &IsometricOptions::INK).unwrap();
+            assert!(map.settled, "{aside}");
+            map.left(Figure::Lengths, &surface, &ink)
+        });
+        assert!(errors[0] < 1.5 * errors[1], "{errors:?}");
+    }
+}
+
 #[test]
 fn a_fold_is_detected_only_where_there_is_ink() {
     let surface = graph(|_, _| 0.0);
