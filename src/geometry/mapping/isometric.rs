@@ -19,7 +19,7 @@ use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::{Figure, IsometricOptions};
 use self::scales::EvenMap;
-use self::strain::{Cap, Fineness, Sample, Strain, Weighting, Weights, products, samples};
+use self::strain::{Cap, Damped, Fineness, Sample, Strain, Weighting, Weights, products, samples};
 use crate::geometry::fork::{self, Fork, InTurn, join};
 use crate::geometry::ink::Ink;
 use crate::geometry::normal_equations::{
@@ -66,6 +66,13 @@ pub struct Iteration {
     pub step: f64,
 }
 
+impl Iteration {
+    /// Whether the step hardly moved the map.
+    fn is_short(&self) -> bool {
+        self.step <= MAX_LAST_STEP
+    }
+}
+
 /// Why no map was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -98,9 +105,18 @@ const MAX_STEPS: usize = 20;
 const COARSE_STEPS: usize = 3;
 /// Maximum number of steps on the coarse grid before the rounds on the fine one.
 const START_STEPS: usize = 2;
-/// A step is shortened to no less than this share. If the energy still does not decrease, the surface is too rough for
+/// A step that would have to be shortened to less than this share is damped instead.
+const LEAST_SHARE: f64 = 0.1;
+/// A damped step is shortened to no less than this share. If the energy still does not decrease, the surface is too rough for
 /// its derivatives.
 const SHORTEST: f64 = 1.0 / 64.0;
+/// The first damping, as a multiple of the root of the energy: a turn by θ, which the linearised strains do not see, strains by
+/// θ²/2.
+const FIRST_DAMPING: f64 = 1.0 / 16.0;
+/// By how much the damping grows until a step does not overshoot …
+const MORE_DAMPING: f64 = 8.0;
+/// … at most so often.
+const MOST_TRIES: usize = 5;
 /// The search ends with a step shorter than this, mm: 16 bits over a field of 110 mm are 0.0017 mm.
 const MIN_STEP: f64 = 1e-3;
 /// A map whose last step was longer than this is rejected, mm.
@@ -243,7 +259,7 @@ impl IsometricMap {
             let task = Task { surface, samples: &fine, anchor, cap: Cap::NONE };
             map.settled = map.descend(&task, &solver, MAX_STEPS)?;
         }
-        if !map.settled && !map.iterations.last().is_some_and(|last| last.step <= MAX_LAST_STEP) {
+        if !map.settled && !map.iterations.last().is_some_and(Iteration::is_short) {
             return Err(IsometricError::NotConverged { iterations: map.iterations });
         }
         match map.fold(surface, ink) {
@@ -311,22 +327,35 @@ impl IsometricMap {
         // One buffer for all steps: it is large.
         let mut strains = Strains::default();
         let mut energy = self.energy(task, &mut strains, fork);
+        let mut damping = 0.0;
         for _ in 0..max_steps {
-            let equations = equations(self, task.anchor, task.samples, &strains, &task.cap, fork);
-            let shifts = equations.solve(solver)?;
-            let expected = equations.gain(&shifts);
             let start = self.control.clone();
-            let mut fraction = 1.0;
-            let reached = loop {
-                for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
-                    *point = old + Vector2::from(*shift) * fraction;
+            let mut tries = 0;
+            let (shifts, expected, fraction, reached) = loop {
+                let damped = Damped { weighting: &task.cap, damping };
+                let equations = equations(self, task.anchor, task.samples, &strains, &damped, fork);
+                let is_last = tries == MOST_TRIES;
+                match equations.solve(solver) {
+                    Ok(shifts) => {
+                        let expected = equations.gain(&shifts);
+                        let shortest = if is_last { SHORTEST } else { LEAST_SHARE };
+                        let (fraction, reached) =
+                            self.shift(task, &shifts, (energy, expected), shortest, &mut strains, fork);
+                        if is_last || is_gained(energy - reached, expected, fraction) {
+                            break (shifts, expected, fraction, reached);
+                        }
+                        self.control.clone_from(&start);
+                        self.energy(task, &mut strains, fork);
+                    }
+                    // What is left is next to nothing.
+                    Err(_) if is_last && self.iterations.last().is_some_and(Iteration::is_short) => {
+                        return Ok(true);
+                    }
+                    Err(error) if is_last => return Err(error.into()),
+                    Err(_) => {}
                 }
-                let reached = self.energy(task, &mut strains, fork);
-                let predicted = fraction * (2.0 - fraction) * expected;
-                if energy - reached >= predicted / 2.0 - NO_STRAIN || fraction <= SHORTEST {
-                    break reached;
-                }
-                fraction = shorter(fraction, expected, (reached - energy + predicted) / fraction.powi(4));
+                tries += 1;
+                damping = more_damping(damping, energy);
             };
             if !(reached <= energy + NO_STRAIN) {
                 self.control = start;
@@ -339,7 +368,10 @@ impl IsometricMap {
             let (gain, missed) = (energy - reached, (energy - expected - reached).abs());
             energy = reached;
             // If a full step reaches the prediction of the linearised strains, the next one would gain nothing.
-            let as_predicted = fraction == 1.0 && expected < reached && missed <= ENERGY_TOLERANCE * reached;
+            let as_predicted = fraction == 1.0
+                && damping == 0.0
+                && expected < reached
+                && missed <= ENERGY_TOLERANCE * reached;
             let no_gain = fraction > 0.1 && gain <= ENERGY_TOLERANCE / 4.0 * reached;
             let is_short = fraction > 0.1 && step <= MIN_STEP;
             if reached <= NO_STRAIN || as_predicted || no_gain || is_short {
@@ -347,6 +379,32 @@ impl IsometricMap {
             }
         }
         Ok(false)
+    }
+
+    /// Moves the control points by as much of `shifts` as lowers the energy by at least half of what is expected, or by about the
+    /// smallest share if none does; returns the share and the energy.
+    fn shift(
+        &mut self,
+        task: &Task,
+        shifts: &[[f64; 2]],
+        (energy, expected): (f64, f64),
+        shortest: f64,
+        strains: &mut Strains,
+        fork: &dyn Fork,
+    ) -> (f64, f64) {
+        let start = self.control.clone();
+        let mut fraction = 1.0;
+        loop {
+            for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(shifts)) {
+                *point = old + Vector2::from(*shift) * fraction;
+            }
+            let reached = self.energy(task, strains, fork);
+            if is_gained(energy - reached, expected, fraction) || fraction <= shortest {
+                return (fraction, reached);
+            }
+            let missed = reached - energy + predicted(expected, fraction);
+            fraction = shorter(fraction, expected, missed / fraction.powi(4));
+        }
     }
 
     /// The strain at a sample without its derivatives: the surface's second derivatives are 0.
@@ -513,6 +571,21 @@ fn solver<'f>(
     fork: &'f dyn Fork,
 ) -> Result<GridSolver<'f, 2>, SolveError> {
     Ok(GridSolver::new(knots_s.control_points(), knots_t.control_points())?.with_fork(fork))
+}
+
+/// The next damping to try after one with which a step overshot.
+fn more_damping(damping: f64, energy: f64) -> f64 {
+    (MORE_DAMPING * damping).max(FIRST_DAMPING * energy.sqrt())
+}
+
+/// The gain that the linearised strains predict for a share of a step, from that of the whole step.
+fn predicted(expected: f64, fraction: f64) -> f64 {
+    fraction * (2.0 - fraction) * expected
+}
+
+/// Whether a share of a step gains at least half of what is predicted.
+fn is_gained(gain: f64, expected: f64, fraction: f64) -> bool {
+    gain >= predicted(expected, fraction) / 2.0 - NO_STRAIN
 }
 
 /// The fraction f that minimises expected·(f² − 2f) + excess·f⁴: the gain that the linearised strains predict, and the

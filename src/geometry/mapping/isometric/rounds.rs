@@ -9,8 +9,10 @@
 use nalgebra::Vector2;
 
 use super::scales::{EvenMap, Scales};
-use super::strain::{Sample, Strain};
-use super::{IsometricMap, IsometricOptions, Iteration, Strains, Task, equations, half_of};
+use super::strain::{Damped, Sample, Strain};
+use super::{
+    IsometricMap, IsometricOptions, Iteration, MOST_TRIES, Strains, Task, equations, half_of, more_damping,
+};
 use crate::geometry::normal_equations::GridSolver;
 use crate::geometry::space::FlatPoint;
 use crate::geometry::surface::nurbs::NurbsSurface;
@@ -38,12 +40,6 @@ const FIRST_WEIGHTS: [f64; 2] = [3.0, 1.7];
 const PAPER: f64 = 2.0;
 /// A step that multiplies the cost by more than this is damped.
 const OVERSHOOT: f64 = 4.0;
-/// The first damping, as a multiple of the root of the cost: a turn by θ, which the linearised strains do not see, strains by θ²/2.
-const FIRST_DAMPING: f64 = 1.0 / 16.0;
-/// By how much the damping grows until a step does not overshoot …
-const MORE_DAMPING: f64 = 8.0;
-/// … at most so often.
-const MOST_TRIES: usize = 5;
 
 /// The scales of the weights for a map with these strains.
 fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales {
@@ -55,7 +51,6 @@ fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales
         paper: PAPER * even.strain + SMALL,
         angles: options.angle_weight * spread.min(1.0).powf(1.5),
         limit: options.angle_limit * even.angle + SMALL,
-        damping: 0.0,
     }
 }
 
@@ -176,20 +171,22 @@ impl IsometricMap {
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
             return true;
         }
-        let mut scales = scales(&figures, even, options);
+        let scales = scales(&figures, even, options);
         let mut cost = figures.cost(&scales, options);
         let mut best = figures.verdict(&scales, options);
         let mut kept = self.control.clone();
         let (mut last, mut has_gained) = (best, false);
         let starts_within = figures.largest_angle <= scales.limit;
         let (mut landmark, mut since) = (best, 0);
+        let mut damping = 0.0;
         'rounds: for round in 0..if options.is_thorough { MOST_THOROUGH } else { MAX_ROUNDS } {
             let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
             weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
             let (start, before) = (self.control.clone(), cost);
             let mut tries = 0;
             let shifts = loop {
-                let equations = equations(self, anchor, samples, &strains, &scales, fork);
+                let damped = Damped { weighting: &scales, damping };
+                let equations = equations(self, anchor, samples, &strains, &damped, fork);
                 let Ok(shifts) = equations.solve(solver) else { break 'rounds };
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
                     *point = old + Vector2::from(*shift);
@@ -200,8 +197,7 @@ impl IsometricMap {
                     break shifts;
                 }
                 tries += 1;
-                let first = FIRST_DAMPING * before.sqrt() / options.box_weight;
-                scales.damping = (MORE_DAMPING * scales.damping).max(first);
+                damping = more_damping(damping, before / options.box_weight.powi(2));
                 self.control.clone_from(&start);
                 self.strained(surface, samples, &mut strains, fork, |_, _| ());
             };

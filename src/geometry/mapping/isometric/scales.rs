@@ -29,8 +29,6 @@ pub(super) struct Scales {
     pub(super) angles: f64,
     /// The largest angle error that is accepted, rad.
     pub(super) limit: f64,
-    /// How strongly a step resists a change of the map's derivatives, relative to the weight of the paper.
-    pub(super) damping: f64,
 }
 
 impl Scales {

@@ -356,6 +356,27 @@ impl Weighting for Cap {
     }
 }
 
+/// A weighting with which a step also resists any change of the map's derivatives, which keeps it short where the strains hardly
+/// determine it (Levenberg, A method for the solution of certain non-linear problems in least squares, 1944).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Damped<'w, W> {
+    pub(super) weighting: &'w W,
+    /// The resistance, as a multiple of the weight of the strain in all directions at the same place.
+    pub(super) damping: f64,
+}
+
+impl<W: Weighting> Weighting for Damped<'_, W> {
+    #[inline(always)]
+    fn observe(&self, strain: &Strain, sample: &Sample, mut take: impl FnMut(f64, f64, &Derivative)) {
+        self.weighting.observe(strain, sample, &mut take);
+        if self.damping > 0.0 && sample.all_round > 0.0 {
+            for derivative in &CHANGES {
+                take(self.damping * sample.all_round, 0.0, derivative);
+            }
+        }
+    }
+}
+
 /// In a round of weighting, weights fall with the strains, and angles have their own.
 impl Weighting for Scales {
     #[inline(always)]
@@ -378,11 +399,6 @@ impl Weighting for Scales {
             if squeezed > 0.0 {
                 let (change, derivative) = strain.area_strain();
                 take(sample.all_round * squeezed, change, &derivative);
-            }
-            if self.damping > 0.0 {
-                for derivative in &CHANGES {
-                    take(sample.all_round * self.damping, 0.0, derivative);
-                }
             }
         }
         if sample.angle > 0.0 {

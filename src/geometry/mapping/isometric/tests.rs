@@ -89,25 +89,46 @@ fn on_a_developable_surface_the_start_is_already_the_solution() {
     assert!((end.x - 30.0 * (20.0f64 / 30.0).sin()).abs() < 1e-3, "{end:?}");
 }
 
+/// A barrel, which does not change when it is turned about the y axis. Its radius at y is 36 − y²/`bulge` + y³/4000 mm.
+fn barrel(bulge: f64) -> NurbsSurface {
+    let radius = |y: f64| 36.0 - y * y / bulge + y * y * y / 4000.0;
+    graph(|x, y| (radius(y).powi(2) - x * x).max(0.0).sqrt())
+}
+
+fn frame_at(width: f64, height: f64, center: FlatPoint) -> Ink {
+    let mut ink = frame(width, height);
+    for piece in &mut ink.pieces {
+        (piece.from, piece.to) = (piece.from + center.coords(), piece.to + center.coords());
+    }
+    ink.extents = Extents::of(ink.pieces.iter().map(|piece| piece.from.coords()));
+    ink
+}
+
 /// Paper holds a drawing far from its anchor so weakly that a step turns it by more than the linearised strains bear.
 #[test]
 fn lines_far_from_the_anchor_are_as_true_as_near_it() {
-    // A barrel: turned about the y axis by itself, it does not change.
-    let radius = |y: f64| 36.0 - y * y / 160.0 + y * y * y / 4000.0;
-    let surface = graph(|x, y| (radius(y).powi(2) - x * x).max(0.0).sqrt());
+    let surface = barrel(160.0);
     for aside in [-14.0, -17.0, -20.0] {
-        let shift = Vector2::new(aside, -18.0);
-        let mut ink = frame(14.0, 30.0);
-        for piece in &mut ink.pieces {
-            (piece.from, piece.to) = (piece.from + shift, piece.to + shift);
-        }
-        ink.extents = Extents::of(ink.pieces.iter().map(|piece| piece.from.coords()));
-        let errors = [MIDDLE, FlatPoint::from(shift)].map(|anchor| {
+        let center = FlatPoint::new(aside, -18.0);
+        let ink = frame_at(14.0, 30.0, center);
+        let errors = [MIDDLE, center].map(|anchor| {
             let map = IsometricMap::solve(&surface, &ink, anchor, &IsometricOptions::INK).unwrap();
             assert!(map.settled, "{aside}");
             map.left(Figure::Lengths, &surface, &ink)
         });
         assert!(errors[0] < 1.5 * errors[1], "{errors:?}");
+    }
+}
+
+/// Even strains hardly determine how a drawing beside its anchor turns, or a step that gains next to nothing.
+#[test]
+fn even_maps_of_drawings_beside_their_anchor_are_found() {
+    for (bulge, height, center) in
+        [(160.0, 25.0, [-17.0, -20.0]), (160.0, 33.0, [-17.0, -20.0]), (4000.0, 33.0, [14.0, 20.0])]
+    {
+        let ink = frame_at(14.0, height, FlatPoint::new(center[0], center[1]));
+        let map = IsometricMap::solve(&barrel(bulge), &ink, MIDDLE, &IsometricOptions::UNIFORM).unwrap();
+        assert!(map.settled, "{bulge} {height}: {:?}", map.iterations);
     }
 }
 
