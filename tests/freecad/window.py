@@ -118,6 +118,13 @@ def shows(label, *words):
     return Until(ready, "%r in %s, which shows %r" % (words, label.objectName(), label.text()))
 
 
+def ready_to_send(view):
+    """A condition: the files of the drawing are made, and the program has answered."""
+    return Until(
+        lambda: view.result is not None and view.child is None and not view._timer.isActive(), "files that can be sent"
+    )
+
+
 def processes():
     """The processes that FreeCAD started and that still run: isomark."""
     found = subprocess.run(["ps", "-o", "args=", "--ppid", str(os.getpid())], capture_output=True, text=True)
@@ -235,6 +242,24 @@ def scenario():
     yield settled(view.test_button)
     assert os.path.isfile(os.path.join(station, "import", "mug-Can@Label.dxf"))
     picture("delivered")
+
+    say("step: a drawing that makes another one of its product outdated asks first")
+    place = sketch.Placement
+    sketch.Placement = FreeCAD.Placement(place.Base - Vector(0, 0, 3), place.Rotation)
+    view.drawing_name.setText("Lower")
+    document.recompute()
+    view.changed()
+    yield ready_to_send(view)
+    yield from click(view.send_button)
+    yield shows(view.answer, "Not sent yet", "mug-Can@Label.dxf", "click again")
+    assert not os.path.exists(os.path.join(station, "import", "mug-Can@Lower.dxf"))
+    yield from click(view.send_button)
+    yield shows(view.answer, "Delivered", "mug-Can@Lower.dxf")
+    os.remove(os.path.join(station, "reports", "mug-can", "mug-Can@Lower.dxf.report.json"))
+    sketch.Placement = place
+    view.drawing_name.setText("Label")
+    document.recompute()
+    yield ready_to_send(view)
 
     say("step: settings of the product that name another side are pointed out")
     settings = os.path.join(station, "skus", "mug-Can.toml")

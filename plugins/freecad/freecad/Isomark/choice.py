@@ -10,8 +10,6 @@ from . import outline
 from .frame import Frame, dot, scaled, subtract
 from .wording import Trouble, translate
 
-#: Endings of drawings that isomark reads.
-DRAWINGS = (".dxf", ".svg", ".png", ".bmp")
 PICTURES = (".png", ".bmp")
 
 

@@ -10,7 +10,6 @@ from PySide import QtCore, QtGui
 
 from . import choice, job, mark, part, program, settings, station
 from .child import Background, Child
-from .frame import dot
 from .overlay import Overlay
 from .wording import Trouble, translate
 
@@ -267,7 +266,7 @@ class Panel:
 
     def choose_file(self):
         """Asks for a file as the drawing."""
-        kinds = " ".join("*" + ending for ending in choice.DRAWINGS)
+        kinds = " ".join("*" + ending for ending in station.DRAWINGS)
         path, _ = QtGui.QFileDialog.getOpenFileName(
             self.form,
             translate("Isomark", "Choose a drawing"),
@@ -439,21 +438,9 @@ class Panel:
         self.message.setVisible(bool(lines))
 
     def _side(self, report):
-        """A warning if isomark marks another side than the one that the drawing faces."""
-        facing = (report.get("placement") or {}).get("facing") or self.frame.z
-        if dot(facing, self.frame.z) > 0.999:
-            return []
-        return [
-            _line(
-                True,
-                translate("Isomark", "The mark is on another side of the part than the drawing."),
-                translate(
-                    "Isomark",
-                    "Remove facing, roll_deg and frame from the settings of this product, or install a newer isomark, "
-                    "which supports marking frames.",
-                ),
-            )
-        ]
+        """A warning if isomark marks another place of the part than that of the drawing."""
+        words = station.frame_words(report, self.frame)
+        return [_line(True, *words)] if words else []
 
     def _trouble(self, trouble):
         """Shows why there is no result."""
@@ -581,6 +568,10 @@ class Sending:
         self.asked = None
         self.answer = None
         self.station = None
+        #: The marking frame of what was sent.
+        self.frame = None
+        #: What is sent when the user clicks again, after a question.
+        self.asked_about = None
         self.waiting = ("", "")
         self.since_status = 0.0
         self.timer = QtCore.QTimer()
@@ -623,14 +614,22 @@ class Sending:
                 )
             self.station = station.open_station(panel.station.text())
             names = station.drop_names(product, drawing, panel.made.ending)
-            data = (panel.made.part, station.sidecar(panel.options()), panel.made.drawing)
+            settings_file = station.sidecar(panel.options(), panel.frame)
+            data = (panel.made.part, settings_file, panel.made.drawing)
+            self.frame = panel.frame
         except Trouble as trouble:
             self._show(trouble.what, trouble.remedy, True)
             return
         panel.send_button.setEnabled(False)
         self._show(translate("Isomark", "Sending…"))
+        what = (product, drawing, str(settings_file))
+        is_confirmed, self.asked_about = self.asked_about == what, None
 
         def work():
+            station.refuse_another_frame(self.station.hot, names, settings_file)
+            others = [] if is_confirmed else station.placed_elsewhere(self.station, product, names[2], self.frame)
+            if others:
+                raise _Elsewhere(what, others)
             answer = station.Answer(self.station, product, names[0], names[2])
             station.send(self.station.hot, list(zip(names, data)))
             return answer
@@ -648,6 +647,8 @@ class Sending:
     def _sent(self, answer, error):
         self.work = None
         self.panel.send_button.setEnabled(True)
+        if isinstance(error, _Elsewhere):
+            self.asked_about = error.sending
         if error is not None:
             self._show(str(getattr(error, "what", error)), getattr(error, "remedy", ""), True)
             return
@@ -678,7 +679,11 @@ class Sending:
             words = translate("Isomark", "Delivered: {name}.", name=self.answer.drawing)
             if after is not None:
                 words += " " + translate("Isomark", "Length error {error:.3f} mm.", error=after)
-            self._show(words)
+            wrong = station.frame_words(document, self.frame)
+            if wrong:
+                self._show(words + " " + wrong[0], wrong[1], True)
+            else:
+                self._show(words)
         elif state == station.REJECTED:
             self.timer.stop()
             words = translate("Isomark", "Rejected: {what}", what=document.get("what", ""))
@@ -724,6 +729,22 @@ class Sending:
 
     def _show(self, what, remedy="", wrong=False):
         self.panel._say(self.panel.answer, what, remedy, wrong)
+
+
+class _Elsewhere(Trouble):
+    """Other drawings of the product are placed with another frame: a question, which a second click answers."""
+
+    def __init__(self, sending, others):
+        super().__init__(
+            translate(
+                "Isomark",
+                "Not sent yet. Of this product, {names} has another plane or origin. If you send this drawing, a later "
+                "correction of {names} moves its mark.",
+                names=", ".join(others[:3]) + (", …" if others[3:] else ""),
+            ),
+            translate("Isomark", "Enter another product for this drawing, or click again to send it all the same."),
+        )
+        self.sending = sending
 
 
 class _Observer:
