@@ -271,8 +271,9 @@ class IsomarkSend(bpy.types.Operator):
 
     def execute(self, context):
         preferences = session.preferences(context)
-        if session.courier is not None:
-            session.courier.stop()
+        before = session.courier
+        if before is not None:
+            before.stop()
             session.courier = None
         path, file, folder = map(session.path_of, (preferences.program, preferences.station, preferences.hot_folder))
         try:
@@ -282,8 +283,9 @@ class IsomarkSend(bpy.types.Operator):
             self.report({"ERROR"}, str(trouble))
             return {"CANCELLED"}
         session.send_trouble = None
+        is_confirmed = before is not None and before.answer.kind == station.ASKING and before.files == export.files()
         session.courier = station.Courier(lambda: station.at(file, folder), export.sku, export.files(),
-                                          lambda: program.find(path), export.direction())
+                                          lambda: program.find(path), export.frame, is_confirmed)
         session.courier.start()
         if not bpy.app.timers.is_registered(_follow):
             bpy.app.timers.register(_follow, first_interval=_TICK_S)
