@@ -442,6 +442,25 @@ def a_straight_line_gets_its_plane_from_the_part():
     assert "no plane" in refusal(chosen(item, [through]))
 
 
+def drawings_in_different_planes_are_named():
+    document = FreeCAD.newDocument()
+    item = feature(document, Can(30.0, 100.0), FreeCAD.Placement())
+    upright = FreeCAD.Rotation(Vector(1, 0, 0), 90)
+    one, other, parallel = (
+        sketch_on(document, None, FreeCAD.Placement(Vector(0, -31, z), turn))[0]
+        for z, turn in ((50, upright), (102, FreeCAD.Rotation()), (52, upright))
+    )
+    choices = chosen(item, [one, parallel])
+    assert len(choices.paths(choices.frame())) == 12
+    choices = chosen(item, [one, other])
+    try:
+        choices.paths(choices.frame())
+    except choice.Trouble as trouble:
+        assert other.Label in trouble.what and "another plane" in trouble.what and "parallel" in trouble.remedy, trouble
+        return
+    raise AssertionError("drawings in two planes were accepted")
+
+
 def edges_with_the_same_hash_are_all_drawn():
     """FreeCAD's hashes of two shapes may be the same by chance."""
     from freecad.Isomark import outline
@@ -491,6 +510,7 @@ harness.run(
         a_sketch_in_a_linked_body_is_on_the_link,
         a_straight_line_gets_its_plane_from_the_part,
         edges_with_the_same_hash_are_all_drawn,
+        drawings_in_different_planes_are_named,
         a_sketch_in_front_of_an_upright_can,
         a_sketch_in_a_body_that_is_turned_and_moved,
         a_sketch_and_a_body_in_a_container,

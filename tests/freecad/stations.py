@@ -371,6 +371,25 @@ def the_station_file_is_understood_like_isomark_does():
             raise AssertionError("a missing station file was accepted")
 
 
+def suggested_names_are_accepted():
+    for text, expected in (
+        ("Größe/Ü 1", "Größe-Ü-1"),
+        ("(1) mug-Body", "_(1)-mug-Body"),
+        ("..", ""),
+        ("-x", "x"),
+        ("~tmp", "tmp"),
+        ("a@b. ", "a-b"),
+        ("💥", "_💥"),
+        ("日本語", "日本語"),
+        ("x" * 300, "x" * 60),
+        ("(" + "x" * 300, "_(" + "x" * 58),
+    ):
+        name = station.plain_name(text)
+        assert name == expected, (text, name)
+        if name:
+            station.check_name(name, "product")
+
+
 def programs_that_are_not_isomark_have_a_remedy():
     with tempfile.TemporaryDirectory() as folder:
         wrong = os.path.join(folder, "wrong")
@@ -459,6 +478,7 @@ harness.run(
     [
         the_package_names_what_it_contains,
         the_station_file_is_understood_like_isomark_does,
+        suggested_names_are_accepted,
         programs_that_are_not_isomark_have_a_remedy,
         the_program_gets_a_clean_environment,
         a_child_that_is_killed_leaves_no_process,

@@ -45,16 +45,20 @@ def paths_of(shape, layer, frame):
             heights.append(height)
             paths.append(Path(layer, [(x, y, 0.0)]))
     if heights and max(heights) - min(heights) > FLAT:
-        raise Trouble(
-            translate(
-                "Isomark",
-                "The drawing {name} is not flat: its lines differ by {depth:.2f} mm in depth.",
-                name=layer,
-                depth=max(heights) - min(heights),
-            ),
-            translate("Isomark", "Choose a drawing that is in one plane, such as a sketch."),
-        )
+        raise _not_flat(shape, layer, max(heights) - min(heights))
     return paths
+
+
+def _not_flat(shape, name, depth):
+    if shape.findPlane(FLAT) is None:
+        what = translate(
+            "Isomark", "The drawing {name} is not flat: its lines differ by {depth:.2f} mm in depth.", name=name, depth=depth
+        )
+        return Trouble(what, translate("Isomark", "Choose a drawing that is in one plane, such as a sketch."))
+    return Trouble(
+        translate("Isomark", "The drawing {name} is in another plane than the first one that is selected.", name=name),
+        translate("Isomark", "Select drawings in the same plane or in parallel planes, and mark the others on their own."),
+    )
 
 
 class _Shapes:

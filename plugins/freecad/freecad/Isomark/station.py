@@ -111,10 +111,10 @@ def check_name(name, what):
 
 
 def plain_name(text):
-    """A name made of a text that the station accepts."""
-    name = re.sub(r"[\s%s]+" % re.escape(_FORBIDDEN), "-", text).strip("-. ")
-    name = "".join(c for c in name if ord(c) >= 32)
-    return name[:60].rstrip("-. ") if name and (name[0].isalnum() or name[0] == "_") else name.lstrip("-.~")[:60]
+    """A name made of a text that the station accepts; empty if nothing is left."""
+    name = re.sub(r"[\s%s]+" % re.escape(_FORBIDDEN), "-", text)
+    name = "".join(c for c in name if ord(c) >= 32).lstrip("-.~ ")[:60].rstrip("-. ")
+    return name if not name or name[0].isalnum() or name[0] == "_" else ("_" + name)[:60]
 
 
 #: How far two frames may differ and be the same: their origins in mm, their axes as the cosine of the angle.
