@@ -5,6 +5,7 @@ Run by freecadcmd, with `ISOMARK` naming the program.
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -448,9 +449,34 @@ def a_child_that_is_killed_leaves_no_process():
         raise AssertionError("process %d still runs" % number)
     application.processEvents()
     assert called == []
-    Child(os.path.join(tempfile.gettempdir(), "no-such-program"), [], None, called.append)
+    Child(os.path.join(tempfile.gettempdir(), "no-such-program"), [], None, lambda *words: called.append(words))
     until(lambda: called, "a sentence")
-    assert "cannot be started" in called[0]
+    assert "cannot be started" in called[0][0] and "Install isomark" in called[0][1]
+    called.clear()
+    Child(shutil.which("sh"), ["-c", "kill -9 $$"], None, lambda *words: called.append(words))
+    until(lambda: called, "a sentence")
+    assert "crashed" in called[0][0] and "try again" in called[0][1]
+
+
+def long_words_do_not_widen_the_panel():
+    from freecad.Isomark.wording import LONGEST_WORD, dividable
+
+    path = "/home/user/" + "folder/" * 20 + "station.toml"
+    shown = dividable("The file %s is missing." % path)
+    assert max(len(piece) for piece in re.split("[ \u200b]", shown)) <= LONGEST_WORD
+    assert shown.replace("\u200b", "") == "The file %s is missing." % path
+    assert dividable("A short sentence, and a/path.") == "A short sentence, and a/path."
+    assert len(dividable("x" * 100000)) < 2000
+
+
+def a_hot_folder_alone_states_whether_its_answer_can_be_seen():
+    with tempfile.TemporaryDirectory() as folder:
+        hot = os.path.join(folder, "hot")
+        os.mkdir(hot)
+        answer = station.Answer(station.open_station(hot), "can", "can.glb", "can@a.dxf")
+        assert not answer.can_be_seen()
+        os.mkdir(os.path.join(folder, "reports"))
+        assert answer.can_be_seen()
 
 
 def the_package_names_what_it_contains():
@@ -482,6 +508,8 @@ harness.run(
         programs_that_are_not_isomark_have_a_remedy,
         the_program_gets_a_clean_environment,
         a_child_that_is_killed_leaves_no_process,
+        long_words_do_not_widen_the_panel,
+        a_hot_folder_alone_states_whether_its_answer_can_be_seen,
         a_running_station_delivers_what_is_sent,
         a_rejected_drawing_comes_back_with_its_reason,
         a_rejected_part_is_the_answer_to_its_drawing,

@@ -112,7 +112,8 @@ def shows(label, *words):
     """A condition: the label of the panel shows all words."""
 
     def ready():
-        text = label.text() if label.isVisible() else ""
+        # Without the places where long words may be divided.
+        text = label.text().replace("\u200b", "") if label.isVisible() else ""
         return all(word in text for word in words)
 
     return Until(ready, "%r in %s, which shows %r" % (words, label.objectName(), label.text()))
@@ -159,6 +160,14 @@ def old_isomark():
     with open(path, "w", encoding="utf-8") as file:
         file.write('#!/bin/sh\n[ "$1" = --version ] && { echo isomark 0.0.1; exit; }\n')
         file.write("echo \"error: unexpected argument '--on-part' found\" >&2; exit 2\n")
+    os.chmod(path, 0o755)
+    return path
+
+
+def long_line():
+    path = os.path.join(folder, "long-line")
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("#!/bin/sh\nprintf %0500d 0 | tr 0 x >&2; exit 1\n")
     os.chmod(path, 0o755)
     return path
 
@@ -296,6 +305,36 @@ def scenario():
     yield from click(view.test_button)
     yield shows(view.version, "isomark ", program)
     yield shows(view.table, "Length error")
+
+    say("step: a mark that is outdated is not kept")
+    view.rotate.setValue(1.0)
+    view.keep()
+    assert document.getObject("Mark") is None
+    yield shows(view.message, "no mark to keep")
+    view.rotate.setValue(0.0)
+    yield shows(view.table, "Length error")
+
+    say("step: a program that fails with a long line does not widen the panel")
+    width = view.form.minimumSizeHint().width()
+    view.program.setText(long_line())
+    view.test()
+    yield shows(view.message, "failed", "xxxxx")
+    assert view.form.minimumSizeHint().width() < max(300, 1.2 * width), view.form.minimumSizeHint().width()
+    view.program.setText(program)
+    view.test()
+    yield shows(view.table, "Length error")
+
+    say("step: a hot folder without the folders of a station")
+    lone = os.path.join(folder, "lone", "hot")
+    os.makedirs(lone)
+    view.station.setText(lone)
+    view.changed()
+    yield ready_to_send(view)
+    yield from click(view.send_button)
+    yield shows(view.answer, "Sent", "mug-Can@Label.dxf", "cannot be shown", "station.toml")
+    view.station.setText(os.path.join(station, "station.toml"))
+    view.changed()
+    yield ready_to_send(view)
 
     say("step: the mark is kept, undone and done again")
     yield from click(view.keep_button)

@@ -11,7 +11,7 @@ from PySide import QtCore, QtGui
 from . import choice, job, mark, part, program, settings, station
 from .child import Background, Child
 from .overlay import Overlay
-from .wording import Trouble, translate
+from .wording import Trouble, dividable, translate
 
 #: Pause after the last change before the drawing is corrected again, ms.
 SETTLE_MS = 300
@@ -416,9 +416,9 @@ class Panel:
             except Trouble as trouble:
                 self._trouble(trouble)
 
-        def failed(words):
+        def failed(words, remedy):
             self.child = None
-            self._trouble(Trouble(words, program.install_remedy()))
+            self._trouble(Trouble(words, remedy))
 
         self.child = Child(path, run.arguments, done, failed, self.folder.path)
 
@@ -459,7 +459,7 @@ class Panel:
 
     def keep(self):
         """Keeps the mark in the document."""
-        if self.result is None:
+        if self.result is None or self._timer.isActive():
             self._trouble(
                 Trouble(
                     translate("Isomark", "There is no mark to keep."),
@@ -535,9 +535,9 @@ class Panel:
             except Trouble as trouble:
                 self._say(self.version, trouble.what, trouble.remedy, True)
 
-        def failed(words):
+        def failed(words, remedy):
             self.tester = None
-            self._say(self.version, words, program.install_remedy(), True)
+            self._say(self.version, words, remedy, True)
 
         self.tester = Child(path, ["--version"], done, failed, self.folder.path, limit_s=10.0)
 
@@ -655,6 +655,15 @@ class Sending:
         self.answer = answer
         self.waiting = ("", "")
         self.since_status = 0.0
+        if not answer.can_be_seen():
+            self._show(
+                translate("Isomark", "Sent: {name}. The station's answer cannot be shown here.", name=answer.drawing),
+                translate(
+                    "Isomark",
+                    "Choose the station.toml of your station: the folders reports and rejected are not beside the hot folder.",
+                ),
+            )
+            return
         self._show(translate("Isomark", "Sent. Waiting for the station."))
         self.timer.start(int(LOOK_S * 1000))
 
@@ -716,7 +725,7 @@ class Sending:
             except Trouble as trouble:
                 self.waiting = (trouble.what, trouble.remedy)
 
-        def failed(words):
+        def failed(words, _remedy):
             self.asked = None
             self.waiting = (words, "")
 
@@ -784,5 +793,5 @@ def _of_freecad(error):
 def _line(wrong, what, remedy=""):
     """A paragraph: what is the case, and what to do about it."""
     sign = "⚠ " if wrong else ""
-    remedy = "<br/><i>%s</i>" % html.escape(remedy) if remedy else ""
-    return "<p>%s%s%s</p>" % (sign, html.escape(what), remedy)
+    remedy = "<br/><i>%s</i>" % html.escape(dividable(remedy)) if remedy else ""
+    return "<p>%s%s%s</p>" % (sign, html.escape(dividable(what)), remedy)

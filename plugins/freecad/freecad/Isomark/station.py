@@ -339,6 +339,10 @@ class Answer:
         self.reasons_before = {path: _stamp(path) for path in self._reasons()}
         self.gone_since = None
 
+    def can_be_seen(self):
+        """Whether the station's folders are known: those of its settings, or beside the hot folder."""
+        return bool(self.station.file) or os.path.isdir(self.station.reports) or os.path.isdir(self.station.rejected)
+
     def look(self):
         """The state, and the report or reason that belongs to it."""
         if _stamp(self.report) not in (None, self.report_before):
