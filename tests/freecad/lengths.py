@@ -4,6 +4,7 @@ Run by freecadcmd. The drawn lengths are those of the CAD kernel or were chosen 
 the formula of the surface.
 """
 
+import json
 import math
 import os
 import struct
@@ -325,6 +326,21 @@ def the_files_are_valid_for_others():
     assert data.isascii()
 
 
+def drawings_with_other_letters_keep_their_own_layers():
+    """As isomark reads them: each drawing may have its own pen."""
+    labels = ["Größe 1/2", "Надпись", "文字", "日本", "plain", "0"]
+    paths = [Path(label, [(0, n, 0), (5, n, 0)]) for n, label in enumerate(labels)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "layers.dxf")
+        with open(path, "wb") as file:
+            file.write(dxf.write(paths))
+        code, output, errors = harness.isomark("inspect", path, "--json")
+        assert code == 0, errors
+        layers = json.loads(output.decode("utf-8"))["layers"]
+    expected = {label.replace("/", "_"): 1 for label in labels}
+    assert {name: layer["paths"] for name, layer in layers.items()} == expected, layers
+
+
 def the_part_is_written_as_glb_with_outward_normals():
     shape = (
         Part.makeBox(10, 20, 30)
@@ -500,6 +516,7 @@ harness.run(
     [
         the_part_is_written_as_glb_with_outward_normals,
         the_files_are_valid_for_others,
+        drawings_with_other_letters_keep_their_own_layers,
         files_are_placed_at_the_clicked_point,
         ink_beyond_the_selected_faces_is_refused,
         a_drawing_seen_from_its_back_is_marked_at_its_place,

@@ -25,7 +25,12 @@ class IsomarkUseSelected(bpy.types.Operator):
         chosen = [item for item in context.selected_objects if not mark.is_ours(item)]
         parts = [item for item in chosen if item.type in part.TYPES]
         drawings = sorted((item for item in chosen if item.type in drawing.TYPES), key=lambda item: item.name)
-        empties = [item for item in chosen if item.type == "EMPTY"]
+        empties = [item for item in chosen if drawing.is_frame(item)]
+        instances = [item.name for item in chosen if drawing.shows_collection(item)]
+        if instances:
+            self.report({"ERROR"}, f"{instances[0]} shows a collection: it is neither a part nor a frame. Make its objects real "
+                                   "with Object > Apply > Make Instances Real, and select the part.")
+            return {"CANCELLED"}
         for items, what in ((parts, "meshes"), (empties, "empties")):
             if len(items) > 1:
                 names = ", ".join(item.name for item in items)

@@ -95,13 +95,19 @@ def _plain_folders(text):
     return folders
 
 
+# Most bytes of the name of a product or of a drawing.
+_LONGEST_NAME = 96
+
+
 def plain_name(text, instead):
     """A name of a product or drawing that isomark and every file system accept."""
     text = unicodedata.normalize("NFC", text)
     text = "".join("_" if letter in '/\\:*?"<>|@' or unicodedata.category(letter) == "Cc" else letter for letter in text)
-    text = text.strip(". ")[:80].strip(". ")
+    text = text.strip(". ")
     if text and not (text[0].isalnum() or text[0] == "_"):
         text = "_" + text
+    # Two names, an ending and the start of a hidden name fit into the 255 bytes of a file name.
+    text = text[:80].encode()[:_LONGEST_NAME].decode(errors="ignore").strip(". ")
     devices = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
     devices |= {device + digit for device in ("COM", "LPT") for digit in "0123456789¹²³"}
     if text.split(".")[0].rstrip().upper() in devices:

@@ -122,6 +122,20 @@ class Inputs(SceneTest):
         with self.assertRaisesRegex(RuntimeError, "Several meshes.*Can, Mouse"):
             bpy.ops.isomark.use_selected()
 
+    def test_an_instance_of_a_collection_is_neither_part_nor_frame(self):
+        part = Can().part()
+        library = bpy.data.collections.new("library")
+        library.objects.link(part)
+        bpy.context.scene.collection.objects.unlink(part)
+        instance = bpy.data.objects.new("Instance", None)
+        instance.instance_type, instance.instance_collection = "COLLECTION", library
+        bpy.context.scene.collection.objects.link(instance)
+        bpy.context.view_layer.update()
+        instance.select_set(True)
+        with self.assertRaisesRegex(RuntimeError, "Instance shows a collection.*Make Instances Real"):
+            bpy.ops.isomark.use_selected()
+        self.assertIsNone(self.settings.frame)
+
     def test_a_drawing_beside_the_part_is_refused_and_no_mark_is_shown(self):
         can = Can()
         items = bench.drawings(can.frame_matrix)
@@ -261,8 +275,12 @@ class Folders(SceneTest):
         plain = addon("station").plain_name
         for text, expected in (("Can 1", "Can 1"), ("a/b:c", "a_b_c"), ("..", "x"), ("", "x"), ("-a", "_-a"),
                                ("con", "_con"), ("COM1.x", "_COM1.x"), ("Gro\u0308ße", "Größe"), ("a@b. ", "a_b"),
-                               ("x" * 300, "x" * 80)):
+                               ("x" * 300, "x" * 80), ("日" * 300, "日" * 32), ("(" + "x" * 300, "_(" + "x" * 78)):
             self.assertEqual(plain(text, "x"), expected)
+        # Names that are as long as possible can be sent.
+        name = plain("語" * 200, "x")
+        addon("station").put(self.folder, [(f"{name}@{name}.dxf", b"whole")])
+        self.assertEqual((self.folder / f"{name}@{name}.dxf").read_bytes(), b"whole")
 
 
 class Files(SceneTest):
