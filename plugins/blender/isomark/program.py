@@ -128,6 +128,14 @@ def end_all():
 atexit.register(end_all)
 
 
+# What to do in Blender, where isomark's own sentence names options of its command line.
+_REMEDIES = {
+    "off-surface": "Move the drawing or the frame over the part, make the drawing smaller, or turn the Z of the frame to the side "
+                   "that is marked.",
+    "outside-mark": "Move the drawing, make it smaller, or give more faces the material `mark`.",
+}
+
+
 def result(ended):
     """The JSON document of a run with `--json`.
 
@@ -145,7 +153,7 @@ def result(ended):
         raise Trouble("This isomark is too old: it cannot show the mark on the part.",
                       "Install the newest isomark, or enter the path of a newer one in the add-on's preferences.")
     if what:
-        raise Trouble(what, str(document.get("remedy", "")))
+        raise Trouble(what, _REMEDIES.get(document.get("code"), str(document.get("remedy", ""))))
     lines = (ended.err.strip() or ended.out.strip()).splitlines()
     detail = f": {lines[-1][:200]}" if lines else ""
     raise Trouble(f"The program ended with code {ended.code} and without a result{detail}.",
