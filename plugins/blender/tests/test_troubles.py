@@ -233,6 +233,31 @@ class Inputs(SceneTest):
         path.write_bytes(addon("part").read(can, None, bpy.context).glb)
         self.assertEqual(sorted(self.inspect(path)["materials"]), ["body", "mark"])
 
+    def test_materials_of_geometry_nodes_and_of_the_object_are_those_of_the_part(self):
+        can, path = Can().part(), self.folder / "can.glb"
+        nodes = can.modifiers.new("Nodes", "NODES")
+        nodes.node_group = group = bpy.data.node_groups.new("paint", "GeometryNodeTree")
+        if hasattr(group, "interface"):
+            for side in ("INPUT", "OUTPUT"):
+                group.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+        else:
+            group.inputs.new("NodeSocketGeometry", "Geometry")
+            group.outputs.new("NodeSocketGeometry", "Geometry")
+        begin, paint, end = map(group.nodes.new, ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+        paint.inputs["Material"].default_value = bpy.data.materials.new("mark")
+        group.links.new(begin.outputs[0], paint.inputs[0])
+        group.links.new(paint.outputs[0], end.inputs[0])
+        bpy.context.view_layer.update()
+        path.write_bytes(addon("part").read(can, None, bpy.context).glb)
+        self.assertEqual(self.inspect(path)["materials"], ["mark"])
+        can.modifiers.clear()
+        can.data.materials.append(bpy.data.materials.new("body"))
+        can.material_slots[0].link = "OBJECT"
+        can.material_slots[0].material = bpy.data.materials.new("shell")
+        bpy.context.view_layer.update()
+        path.write_bytes(addon("part").read(can, None, bpy.context).glb)
+        self.assertEqual(self.inspect(path)["materials"], ["shell"])
+
     def test_what_a_drawing_shows_beyond_its_lines_is_pointed_out(self):
         bpy.ops.curve.primitive_bezier_circle_add(radius=5)
         circle = bench.named("Circle")
