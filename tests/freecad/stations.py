@@ -131,6 +131,8 @@ def a_running_station_delivers_what_is_sent():
         # The same again is answered again.
         state, _ = final(send(running.station, made, sidecar))
         assert state in (station.DELIVERED, station.FILED)
+        if state == station.FILED:
+            assert "delivered the same before" in station.filed_words(running.status(), "can@label.dxf")[0]
 
 
 def a_rejected_drawing_comes_back_with_its_reason():
@@ -469,6 +471,20 @@ def long_words_do_not_widen_the_panel():
     assert len(dividable("x" * 100000)) < 2000
 
 
+def a_drawing_that_left_without_a_report_is_not_called_delivered():
+    """Only a station that says so delivered the same before."""
+
+    def words(result, drop="can@label.dxf"):
+        status = {"finished": [{"drop": "other.dxf", "result": "delivered"}, {"drop": drop, "result": result}]}
+        return station.filed_words(status, "can@label.dxf")
+
+    assert "delivered the same before" in words("repeated")[0]
+    assert "not known whether" in words("uncertain")[0] and "isomark retry" in words("uncertain")[1]
+    assert "handed the drawing over" in words("handed-over")[0] and "fleet" in words("handed-over")[1]
+    for unknown in (words("repeated", "can@old.dxf"), words("something new"), station.filed_words({}, "can@label.dxf")):
+        assert "no report" in unknown[0] and "import folder" in unknown[1], unknown
+
+
 def a_hot_folder_alone_states_whether_its_answer_can_be_seen():
     with tempfile.TemporaryDirectory() as folder:
         hot = os.path.join(folder, "hot")
@@ -510,6 +526,7 @@ harness.run(
         a_child_that_is_killed_leaves_no_process,
         long_words_do_not_widen_the_panel,
         a_hot_folder_alone_states_whether_its_answer_can_be_seen,
+        a_drawing_that_left_without_a_report_is_not_called_delivered,
         a_running_station_delivers_what_is_sent,
         a_rejected_drawing_comes_back_with_its_reason,
         a_rejected_part_is_the_answer_to_its_drawing,

@@ -20,7 +20,7 @@ Answer = namedtuple("Answer", "kind what remedy report", defaults=("", None))
 SENDING, SENT, WAITING, DELIVERED, REJECTED, FAILED = "sending", "sent", "waiting", "delivered", "rejected", "failed"
 # Nothing is sent until the user presses the button again.
 ASKING = "asking"
-# It still waits, but nobody looks any more.
+# Nobody looks any more, and the answer is not known.
 LEFT = "left"
 FINAL = (DELIVERED, REJECTED, FAILED, ASKING, LEFT)
 
@@ -298,11 +298,7 @@ class Courier(threading.Thread):
             busy = isinstance(state, dict) and any(job.get("drop") == self.drawing for job in state.get("under_way", []))
             filed_since = None if is_there or busy else filed_since or now
             if filed_since and now - filed_since > _FILED_S:
-                if answer := self._filed(before):
-                    self.answer = answer
-                else:
-                    self.answer = Answer(DELIVERED, f"The station had delivered the same {self.drawing} before; "
-                                                    "the result is unchanged.")
+                self.answer = self._filed(before) or self._left(self._status())
                 return
             self.answer = self._waiting(state)
         if not self._stopped.is_set():
@@ -367,6 +363,23 @@ class Courier(threading.Thread):
         except Trouble as trouble:
             return trouble
 
+    def _left(self, state):
+        """What became of a drawing that left the hot folder without a report or a reason."""
+        finished = state.get("finished", []) if isinstance(state, dict) else []
+        result = next((entry.get("result") for entry in finished if entry.get("drop") == self.drawing), None)
+        if result == "repeated":
+            return Answer(DELIVERED, f"The station had delivered the same {self.drawing} before; the result is unchanged.")
+        if result in ("delivered", "delivered-again"):
+            return Answer(DELIVERED, f"Delivered as {self.drawing}. Its report is not in the folder reports.")
+        if result == "uncertain":
+            return Answer(LEFT, f"It is not known whether {self.drawing} was delivered.",
+                          "Check the import folder, and run isomark retry with the name of the drawing.")
+        if result == "handed-over":
+            return Answer(LEFT, f"The station handed {self.drawing} over to its line. It is not known here whether it is delivered.",
+                          "Run isomark fleet status to see the line.")
+        return Answer(LEFT, f"{self.drawing} left the hot folder, and no report and no reason was found.",
+                      "Check the import folder, or run isomark status for the station.")
+
     def _waiting(self, state):
         """What the files wait for."""
         still = f"Waiting for the station: {self.drawing}."
@@ -380,6 +393,9 @@ class Courier(threading.Thread):
                 if drop.get("drop") in names:
                     reason = drop.get("reason", {})
                     return Answer(WAITING, f"{drop['drop']} waits: {reason.get('what', '')}", reason.get("remedy", ""))
+        if state.get("state") == "silent":
+            return Answer(WAITING, f"The station {state.get('station', '')} runs, but does not report its state. {self.drawing} "
+                                   "waits.", "Read its log, or end it and start it again.")
         if state.get("state") != "running":
             return Answer(WAITING, f"The station {state.get('station', '')} is not running, so {self.drawing} waits.",
                           f"Start it: isomark watch {self.station.file}")

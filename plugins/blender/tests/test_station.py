@@ -97,6 +97,27 @@ class Answers(SceneTest):
         self.final(self.send())
         answer = self.final(self.send())
         self.assertEqual(answer.kind, "delivered")
+        self.assertIn("Can 1@front.dxf", answer.what)
+
+    def test_a_drawing_that_left_without_a_report_is_not_called_delivered(self):
+        courier = self.send()
+        bench.until(lambda: courier.answer.kind == "waiting")
+        courier.stop()
+
+        def left(result, drop="Can 1@front.dxf"):
+            return courier._left({"finished": [{"drop": "x.dxf", "result": "delivered"}, {"drop": drop, "result": result}]})
+        self.assertEqual(left("repeated").kind, "delivered")
+        for result, word in (("uncertain", "not known"), ("handed-over", "line"), ("new", "no report")):
+            answer = left(result)
+            self.assertEqual(answer.kind, "left")
+            self.assertIn(word, answer.what)
+            self.assertTrue(answer.remedy)
+        for unknown in (left("repeated", "other.dxf"), courier._left(None), courier._left(self.trouble(addon("program").find, "x"))):
+            self.assertEqual(unknown.kind, "left")
+        # A station that hangs is not one that is stopped.
+        silent = courier._waiting({"state": "silent", "station": "Laser 1"})
+        self.assertIn("runs, but", silent.what)
+        self.assertNotIn("isomark watch", silent.remedy)
 
     def test_a_rejected_drawing_shows_the_reason_and_the_remedy(self):
         self.station.start()

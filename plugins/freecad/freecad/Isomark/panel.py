@@ -674,7 +674,7 @@ class Sending:
         self.since_status += LOOK_S
         if self.since_status >= 2.0 * LOOK_S and self.asked is None and self.station.file:
             self.since_status = LOOK_S - STATUS_S
-            self._ask()
+            self._ask(self._wait)
 
     def _seen(self, state, error):
         self.work = None
@@ -699,40 +699,53 @@ class Sending:
             self._show(words, document.get("remedy", ""), True)
         elif state == station.FILED:
             self.timer.stop()
-            self._show(
-                translate(
-                    "Isomark", "The station filed the drawing without delivering it: it delivered the same before."
-                ),
-                translate("Isomark", "To deliver it again, use `isomark retry` with the drawing's name."),
-            )
+            if self.station.file:
+                self._ask(lambda status: self._show(*station.filed_words(status, self.answer.drawing), wrong=True))
+            else:
+                self._show(*station.filed_words({}, self.answer.drawing), wrong=True)
+            return
         else:
             self._show(translate("Isomark", "Waiting.") + " " + self.waiting[0], self.waiting[1])
         if state != station.WAITING and self.asked is not None:
             self.asked.kill()
             self.asked = None
 
-    def _ask(self):
-        """Asks the station why it waits."""
+    def _wait(self, status):
+        """Keeps why the station waits."""
+        self.waiting = station.waiting_words(status, self.answer.drops)
+
+    def _ask(self, use):
+        """Asks the station for its status, and gives it to a function."""
+        if self.asked is not None:
+            self.asked.kill()
+            self.asked = None
+
+        def no_status(what, remedy):
+            self.waiting = (what, remedy)
+            # A drawing that was filed waits for nothing.
+            if not self.timer.isActive():
+                self._show(what, remedy, True)
 
         def done(_code, output, errors):
             self.asked = None
             try:
                 status = program.answer(0, output, errors)
-                if status.get("schema", "").startswith("isomark.status/"):
-                    self.waiting = station.waiting_words(status, self.answer.drops)
-                else:
-                    self.waiting = (status.get("what", ""), status.get("remedy", ""))
             except Trouble as trouble:
-                self.waiting = (trouble.what, trouble.remedy)
+                no_status(trouble.what, trouble.remedy)
+                return
+            if status.get("schema", "").startswith("isomark.status/"):
+                use(status)
+            else:
+                no_status(status.get("what", ""), status.get("remedy", ""))
 
-        def failed(words, _remedy):
+        def failed(words, remedy):
             self.asked = None
-            self.waiting = (words, "")
+            no_status(words, remedy)
 
         try:
             path = program.find(self.panel.program.text())
         except Trouble as trouble:
-            self.waiting = (trouble.what, trouble.remedy)
+            no_status(trouble.what, trouble.remedy)
             return
         self.asked = Child(path, ["status", self.station.file, "--json"], done, failed, limit_s=20.0)
 

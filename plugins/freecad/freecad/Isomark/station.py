@@ -402,6 +402,40 @@ def _json(path):
     return document if isinstance(document, dict) else None
 
 
+def filed_words(status, drawing):
+    """What became of a drawing that left the hot folder without a report or a reason: a sentence and a remedy.
+
+    `status` is the station's status, or empty if it cannot be asked.
+    """
+    entries = status.get("finished") or []
+    result = next((entry.get("result") for entry in entries if entry.get("drop") == drawing), None)
+    if result == "repeated":
+        return (
+            translate("Isomark", "The station filed the drawing without delivering it: it delivered the same before."),
+            translate("Isomark", "To deliver it again, use `isomark retry` with the drawing's name."),
+        )
+    if result in ("delivered", "delivered-again"):
+        return translate("Isomark", "The station delivered the drawing. Its report is not in the folder reports."), ""
+    if result == "uncertain":
+        return _uncertain_words()
+    if result == "handed-over":
+        return (
+            translate("Isomark", "The station handed the drawing over to its line. It is not known here whether it is delivered."),
+            translate("Isomark", "Run `isomark fleet status` to see the line."),
+        )
+    return (
+        translate("Isomark", "The drawing left the hot folder, and no report and no reason was found."),
+        translate("Isomark", "Check the import folder, or run `isomark status` for the station."),
+    )
+
+
+def _uncertain_words():
+    return (
+        translate("Isomark", "It is not known whether the drawing was delivered."),
+        translate("Isomark", "Check the import folder, and run `isomark retry` with the drawing's name."),
+    )
+
+
 def waiting_words(status, drops):
     """What the drops wait for, from the station's status: a sentence and a remedy, which may be empty."""
     state = status.get("state")
@@ -422,10 +456,7 @@ def waiting_words(status, drops):
                 return reason.get("what", ""), reason.get("remedy", "")
     for entry in (status.get("uncertain") or {}).get("first", []):
         if entry.get("drop") in drops:
-            return (
-                translate("Isomark", "It is not known whether the drawing was delivered."),
-                translate("Isomark", "Check the import folder, and run `isomark retry` with the drawing's name."),
-            )
+            return _uncertain_words()
     if any(entry.get("drop") in drops for entry in status.get("under_way", [])):
         return translate("Isomark", "The station is working on the drawing."), ""
     return translate("Isomark", "The station has not looked at the drawing yet."), ""
