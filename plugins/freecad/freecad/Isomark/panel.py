@@ -50,6 +50,8 @@ class Panel:
         self.made = None
         self.frame = None
         self.result = None
+        #: The part and the drawing that the names of product and drawing were made for.
+        self._named = ("", "")
         self.sending = Sending(self)
         self.form = QtGui.QWidget()
         self.form.setObjectName("IsomarkPanel")
@@ -288,18 +290,32 @@ class Panel:
         """The names and the side that follow from what is chosen."""
         try:
             self.other_side.setChecked(bool(self.choice.drawing) and self.choice.suggests_other_side())
-            document = FreeCAD.getDocument(self.document)
-            if self.choice.part is not None and document.FileName:
-                stem = os.path.splitext(os.path.basename(document.FileName))[0]
-                self.product.setText(station.plain_name("%s-%s" % (stem, self.choice.part.label)))
-            if self.choice.file:
-                stem = os.path.splitext(os.path.basename(self.choice.file))[0]
-                self.drawing_name.setText(station.plain_name(stem))
-            elif self.choice.drawing:
-                self.drawing_name.setText(station.plain_name(self.choice.drawing[0].label))
+            named = self._named
+            self._named = (
+                self.choice.part.names() if self.choice.part else "",
+                self.choice.file or "".join(ref.names() for ref in self.choice.drawing[:1]),
+            )
+            # What the user entered stays as long as it is for the same part or the same drawing.
+            if self._named[0] != named[0] or not self.product.text().strip():
+                self.product.setText(self._product_name())
+            if self._named[1] != named[1] or not self.drawing_name.text().strip():
+                self.drawing_name.setText(self._name_of_drawing())
         except (Trouble, SHAPE_ERRORS):
             # `correct` shows it.
             pass
+
+    def _product_name(self):
+        """The name of the document and the part; empty for a document without a name."""
+        document = FreeCAD.getDocument(self.document)
+        if self.choice.part is None or not document.FileName:
+            return ""
+        stem = os.path.splitext(os.path.basename(document.FileName))[0]
+        return station.plain_name("%s-%s" % (stem, self.choice.part.label))
+
+    def _name_of_drawing(self):
+        if self.choice.file:
+            return station.plain_name(os.path.splitext(os.path.basename(self.choice.file))[0])
+        return station.plain_name(self.choice.drawing[0].label) if self.choice.drawing else ""
 
     def _show_choice(self):
         nothing = translate("Isomark", "nothing selected")
