@@ -439,6 +439,29 @@ def a_sketch_in_a_linked_body_is_on_the_link():
     assert (with_face.part.item, with_face.faces) == (link, [0])
 
 
+def a_sketch_alone_gets_the_part_of_its_own_container():
+    """Also where a link shows the container once more, and where another solid is elsewhere."""
+    document = FreeCAD.newDocument()
+    can = Can(30.0, 100.0)
+    outer, inner = (document.addObject("App::Part", name) for name in ("Outer", "Inner"))
+    outer.addObject(inner)
+    item = feature(document, can, FreeCAD.Placement())
+    inner.addObject(item)
+    front = FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    sketch, drawn = sketch_on(document, inner, front)
+    feature(document, Can(5.0, 5.0), FreeCAD.Placement(Vector(500, 0, 0), FreeCAD.Rotation()))
+    inner.Placement = FreeCAD.Placement(Vector(20, 0, 0), FreeCAD.Rotation(Vector(1, 0, 0), 20))
+    outer.Placement = FreeCAD.Placement(Vector(0, 100, 0), FreeCAD.Rotation(Vector(0, 0, 1), 30))
+    link = document.addObject("App::Link", "Link")
+    link.LinkedObject = outer
+    link.Placement = FreeCAD.Placement(Vector(-40, 30, 10), any_rotation(6))
+    document.recompute()
+    for top in (outer, link):
+        found = choice.of_selection([Entry(top, "Inner.%s." % sketch.Name)])
+        assert found.part is not None and found.part.names() == "%s.Inner.%s." % (top.Name, item.Name)
+        check(can, top.Placement * inner.Placement, found, "alone", drawn)
+
+
 def a_straight_line_gets_its_plane_from_the_part():
     document = FreeCAD.newDocument()
     can = Can(30.0, 100.0)
@@ -525,6 +548,7 @@ harness.run(
         lines_that_are_not_flat_are_refused,
         what_cannot_be_used_is_named,
         a_sketch_in_a_linked_body_is_on_the_link,
+        a_sketch_alone_gets_the_part_of_its_own_container,
         a_straight_line_gets_its_plane_from_the_part,
         edges_with_the_same_hash_are_all_drawn,
         drawings_in_different_planes_are_named,

@@ -328,6 +328,16 @@ def scenario():
     view.changed()
     yield ready_to_send(view)
 
+    say("step: a decimal comma and a decimal point are the same")
+    for text in ("12,5", "12.5"):
+        view.rotate.setValue(0.0)
+        view.rotate.lineEdit().selectAll()
+        view.rotate.lineEdit().insert(text)
+        view.rotate.interpretText()
+        assert view.rotate.value() == 12.5, (text, view.rotate.value())
+    view.rotate.setValue(0.0)
+    yield ready_to_send(view)
+
     say("step: a mark that is outdated is not kept")
     view.rotate.setValue(1.0)
     view.keep()

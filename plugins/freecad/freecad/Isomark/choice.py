@@ -60,6 +60,10 @@ class Ref:
         top = self._top()
         return top.getSubObject(self.path, retType=3) if self.path else top.Placement
 
+    def inside(self, item):
+        """An object in this container."""
+        return Ref(self._top(), self.path + item.Name + ".")
+
     def names(self):
         """The names of the objects on the way, as text that a document can keep."""
         return self.top + "." + self.path
@@ -286,12 +290,8 @@ def _add(choice, ref, element, point):
 
 def _owner(ref):
     """The body of a feature, or the object itself."""
-    names = ref.path.rstrip(".").split(".")[:-1]
-    if ref.path:
-        above = Ref(ref._top(), "".join(name + "." for name in names))
-        if _is_body(above.item):
-            return above
-    return ref
+    above = next(_above(ref), None)
+    return above if above is not None and _is_body(above.item) else ref
 
 
 def _linked(item):
@@ -354,27 +354,38 @@ def is_drawing(ref):
 
 
 def _only_part(drawing):
-    """The part of a drawing that was selected alone: its body, else the only solid of the document."""
-    item = drawing.item
+    """The part of a drawing that was selected alone: its body, else the only solid of its container or of the document."""
     for body in (ref for ref in _bodies_above(drawing) if _has_faces(ref)):
         return body
-    solids = []
-    for other in item.Document.Objects:
-        is_feature = other.isDerivedFrom("Part::Feature") and not other.isDerivedFrom("PartDesign::Feature")
-        if is_feature and other != item and _is_shown(other):
-            ref = Ref.of(other)
-            shape = ref.shape()
-            if isinstance(shape, Part.Shape) and not shape.isNull() and shape.Solids:
-                solids.append(ref)
+    # In the drawing's own containers first: other instances of them may show the same part elsewhere.
+    for container in _above(drawing):
+        inside = getattr(_linked(container.item), "Group", [])
+        solids = [ref for ref in (container.inside(item) for item in inside) if _is_solid(ref)]
+        if solids:
+            return solids[0] if len(solids) == 1 else None
+    item = drawing.item
+    solids = [ref for ref in (Ref.of(other) for other in item.Document.Objects if other != item) if _is_solid(ref)]
     return solids[0] if len(solids) == 1 else None
 
 
+def _is_solid(ref):
+    """Whether the object is shown and is a solid of its own, rather than a feature of a body."""
+    item = ref.item
+    if not item.isDerivedFrom("Part::Feature") or item.isDerivedFrom("PartDesign::Feature") or not _is_shown(item):
+        return False
+    shape = ref.shape()
+    return isinstance(shape, Part.Shape) and not shape.isNull() and bool(shape.Solids)
+
+
+def _above(ref):
+    """The containers of an object, from the innermost on."""
+    names = ref.path.rstrip(".").split(".") if ref.path else []
+    for count in range(len(names) - 1, -1, -1):
+        yield Ref(ref._top(), "".join(name + "." for name in names[:count]))
+
+
 def _bodies_above(ref):
-    names = ref.path.rstrip(".").split(".")[:-1] if ref.path else []
-    for count in range(len(names), -1, -1):
-        above = Ref(ref._top(), "".join(name + "." for name in names[:count]))
-        if above != ref and _is_body(above.item):
-            yield above
+    return (above for above in _above(ref) if _is_body(above.item))
 
 
 def _is_shown(item):

@@ -89,12 +89,12 @@ class Panel:
             translate("Isomark", "A DXF file or a picture as the drawing, at the clicked point")
         )
         what.addRow(row)
-        self.rotate = QtGui.QDoubleSpinBox()
+        self.rotate = _Number()
         self.rotate.setRange(-360.0, 360.0)
         self.rotate.setSuffix("°")
         self.rotate.valueChanged.connect(self.changed)
         what.addRow(translate("Isomark", "Rotate"), self.rotate)
-        self.width = QtGui.QDoubleSpinBox()
+        self.width = _Number()
         self.width.setRange(0.0, 10000.0)
         self.width.setSuffix(" mm")
         self.width.setSpecialValueText(translate("Isomark", "as in the file"))
@@ -556,6 +556,20 @@ class Panel:
             self._say(self.version, words, remedy, True)
 
         self.tester = Child(path, ["--version"], done, failed, self.folder.path, limit_s=10.0)
+
+
+class _Number(QtGui.QDoubleSpinBox):
+    """A number with a decimal point or a decimal comma: the separator of the other languages is no group separator."""
+
+    def validate(self, text, position):
+        return super().validate(self._own(text), position)
+
+    def valueFromText(self, text):
+        return super().valueFromText(self._own(text))
+
+    def _own(self, text):
+        point = str(self.locale().decimalPoint())
+        return text.replace(",", point).replace(".", point)
 
 
 class _Message(QtGui.QLabel):
