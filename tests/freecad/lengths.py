@@ -4,6 +4,7 @@ Run by freecadcmd. The drawn lengths are those of the CAD kernel or were chosen 
 the formula of the surface.
 """
 
+import json
 import math
 import os
 import struct
@@ -325,6 +326,21 @@ def the_files_are_valid_for_others():
     assert data.isascii()
 
 
+def drawings_with_other_letters_keep_their_own_layers():
+    """As isomark reads them: each drawing may have its own pen."""
+    labels = ["Größe 1/2", "Надпись", "文字", "日本", "plain", "0"]
+    paths = [Path(label, [(0, n, 0), (5, n, 0)]) for n, label in enumerate(labels)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "layers.dxf")
+        with open(path, "wb") as file:
+            file.write(dxf.write(paths))
+        code, output, errors = harness.isomark("inspect", path, "--json")
+        assert code == 0, errors
+        layers = json.loads(output.decode("utf-8"))["layers"]
+    expected = {label.replace("/", "_"): 1 for label in labels}
+    assert {name: layer["paths"] for name, layer in layers.items()} == expected, layers
+
+
 def the_part_is_written_as_glb_with_outward_normals():
     shape = (
         Part.makeBox(10, 20, 30)
@@ -357,6 +373,155 @@ def a_drawing_beside_the_part_is_refused_with_a_remedy():
     raise AssertionError("a drawing beside the part was accepted")
 
 
+class Entry:
+    """What FreeCAD's selection gives for an object in the 3-D view or in the tree."""
+
+    def __init__(self, item, *names):
+        self.Object, self.SubElementNames, self.PickedPoints = item, names, []
+
+
+def refusal(chosen):
+    """The trouble that a choice ends with."""
+    try:
+        chosen.check()
+        chosen.frame()
+    except choice.Trouble as trouble:
+        assert trouble.remedy
+        return trouble.what
+    raise AssertionError("the choice was accepted")
+
+
+def what_cannot_be_used_is_named():
+    document = FreeCAD.newDocument()
+    front = FreeCAD.Placement(Vector(0, -20, 25), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    can, other = (feature(document, Can(20.0, 50.0), FreeCAD.Placement(Vector(x, 0, 0), FreeCAD.Rotation())) for x in (0, 90))
+    sketch, _ = sketch_on(document, None, front)
+    text = Draft.make_text(["isomark"], placement=front)
+    dimension = Draft.make_dimension(Vector(0, -20, 25), Vector(9, -20, 25), Vector(4, -20, 30))
+    scan = document.addObject("Mesh::Feature", "Scan")
+    plane = document.addObject("PartDesign::Plane", "Plane")
+    group = document.addObject("App::DocumentObjectGroup", "Group")
+    document.recompute()
+    of = choice.of_selection
+    for drawing in (text, dimension):
+        assert "text or a dimension" in refusal(of([Entry(can, "Face1"), Entry(drawing)]))
+        assert "text or a dimension" in refusal(of([Entry(drawing)]))
+        assert "text or a dimension" in refusal(of([Entry(can), Entry(sketch), Entry(drawing)]))
+    assert "mesh" in refusal(of([Entry(scan), Entry(sketch)]))
+    for many in ([can, other, sketch], [other, sketch, can]):
+        found = refusal(of([Entry(item) for item in many]))
+        assert "Several parts" in found and can.Label in found and other.Label in found, found
+    assert "neither a part nor a drawing" in refusal(of([Entry(group), Entry(can)]))
+    assert "neither a part nor a drawing" in refusal(of([Entry(plane), Entry(sketch)]))
+    # Beside a part and a drawing, these are ignored.
+    usable = of([Entry(can), Entry(sketch), Entry(plane), Entry(group), Entry(can, "Face2")])
+    usable.check()
+    assert (usable.part.label, [ref.label for ref in usable.drawing]) == (can.Label, [sketch.Label])
+
+
+def a_sketch_in_a_linked_body_is_on_the_link():
+    document = FreeCAD.newDocument()
+    can = Can(30.0, 100.0)
+    body = document.addObject("PartDesign::Body", "Body")
+    cylinder = document.addObject("PartDesign::AdditiveCylinder", "Cylinder")
+    body.addObject(cylinder)
+    cylinder.Radius, cylinder.Height = can.radius, can.height
+    front = FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    sketch, drawn = sketch_on(document, body, front)
+    link = document.addObject("App::Link", "Link")
+    link.LinkedObject = body
+    link.Placement = FreeCAD.Placement(Vector(40, -25, 12), any_rotation(4))
+    document.recompute()
+    chosen_there = choice.of_selection([Entry(link, sketch.Name + ".")])
+    assert chosen_there.part.item == link, chosen_there.part.names()
+    check(can, link.Placement, chosen_there, "link", drawn)
+    with_face = choice.of_selection([Entry(link, "Cylinder.Face1", sketch.Name + ".")])
+    assert (with_face.part.item, with_face.faces) == (link, [0])
+
+
+def a_sketch_alone_gets_the_part_of_its_own_container():
+    """Also where a link shows the container once more, and where another solid is elsewhere."""
+    document = FreeCAD.newDocument()
+    can = Can(30.0, 100.0)
+    outer, inner = (document.addObject("App::Part", name) for name in ("Outer", "Inner"))
+    outer.addObject(inner)
+    item = feature(document, can, FreeCAD.Placement())
+    inner.addObject(item)
+    front = FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    sketch, drawn = sketch_on(document, inner, front)
+    feature(document, Can(5.0, 5.0), FreeCAD.Placement(Vector(500, 0, 0), FreeCAD.Rotation()))
+    inner.Placement = FreeCAD.Placement(Vector(20, 0, 0), FreeCAD.Rotation(Vector(1, 0, 0), 20))
+    outer.Placement = FreeCAD.Placement(Vector(0, 100, 0), FreeCAD.Rotation(Vector(0, 0, 1), 30))
+    link = document.addObject("App::Link", "Link")
+    link.LinkedObject = outer
+    link.Placement = FreeCAD.Placement(Vector(-40, 30, 10), any_rotation(6))
+    document.recompute()
+    for top in (outer, link):
+        found = choice.of_selection([Entry(top, "Inner.%s." % sketch.Name)])
+        assert found.part is not None and found.part.names() == "%s.Inner.%s." % (top.Name, item.Name)
+        check(can, top.Placement * inner.Placement, found, "alone", drawn)
+
+
+def a_straight_line_gets_its_plane_from_the_part():
+    document = FreeCAD.newDocument()
+    can = Can(30.0, 100.0)
+    item = feature(document, can, FreeCAD.Placement(Vector(0, 0, -50), FreeCAD.Rotation()))
+    for corners in ([(-4, -3), (8, 6)], [(0, -9), (0, 9)], [(-4, -3), (0, 0), (8, 6)]):
+        line = Draft.make_wire([Vector(x, -34, z) for x, z in corners])
+        document.recompute()
+        choices = chosen(item, [line])
+        frame = choices.frame()
+        assert max(abs(a - b) for a, b in zip(frame.z, (0, -1, 0))) < 1e-9, frame.z
+        _, _, report, mark = corrected(choices, "line")
+        points = [point for strip in mark.strips["mark"] for point in strip.points]
+        assert all(point[1] < -25.0 for point in points)
+        assert abs(report["quality"]["after"]["length_mm"] - line.Shape.Length) < 0.01
+    through = Draft.make_wire([Vector(0, 0, -60), Vector(0, 0, 60)])
+    document.recompute()
+    assert "no plane" in refusal(chosen(item, [through]))
+
+
+def drawings_in_different_planes_are_named():
+    document = FreeCAD.newDocument()
+    item = feature(document, Can(30.0, 100.0), FreeCAD.Placement())
+    upright = FreeCAD.Rotation(Vector(1, 0, 0), 90)
+    one, other, parallel = (
+        sketch_on(document, None, FreeCAD.Placement(Vector(0, -31, z), turn))[0]
+        for z, turn in ((50, upright), (102, FreeCAD.Rotation()), (52, upright))
+    )
+    choices = chosen(item, [one, parallel])
+    assert len(choices.paths(choices.frame())) == 12
+    choices = chosen(item, [one, other])
+    try:
+        choices.paths(choices.frame())
+    except choice.Trouble as trouble:
+        assert other.Label in trouble.what and "another plane" in trouble.what and "parallel" in trouble.remedy, trouble
+        return
+    raise AssertionError("drawings in two planes were accepted")
+
+
+def edges_with_the_same_hash_are_all_drawn():
+    """FreeCAD's hashes of two shapes may be the same by chance."""
+    from freecad.Isomark import outline
+
+    class Alike:
+        def __init__(self, shape):
+            self.shape = shape
+
+        def hashCode(self):
+            return 7
+
+        def isSame(self, other):
+            return self.shape.isSame(other.shape)
+
+    one, other = (Alike(Part.makeLine(Vector(0, 0, 0), Vector(1, y, 0))) for y in (0, 1))
+    there = outline._Shapes()
+    there.add(one)
+    assert one in there and other not in there
+    there.add(other)
+    assert other in there
+
+
 def lines_that_are_not_flat_are_refused():
     document = FreeCAD.newDocument()
     item = feature(document, Can(20.0, 50.0), FreeCAD.Placement())
@@ -374,12 +539,19 @@ harness.run(
     [
         the_part_is_written_as_glb_with_outward_normals,
         the_files_are_valid_for_others,
+        drawings_with_other_letters_keep_their_own_layers,
         files_are_placed_at_the_clicked_point,
         ink_beyond_the_selected_faces_is_refused,
         a_drawing_seen_from_its_back_is_marked_at_its_place,
         the_mark_is_kept_as_plain_objects,
         a_drawing_beside_the_part_is_refused_with_a_remedy,
         lines_that_are_not_flat_are_refused,
+        what_cannot_be_used_is_named,
+        a_sketch_in_a_linked_body_is_on_the_link,
+        a_sketch_alone_gets_the_part_of_its_own_container,
+        a_straight_line_gets_its_plane_from_the_part,
+        edges_with_the_same_hash_are_all_drawn,
+        drawings_in_different_planes_are_named,
         a_sketch_in_front_of_an_upright_can,
         a_sketch_in_a_body_that_is_turned_and_moved,
         a_sketch_and_a_body_in_a_container,

@@ -5,6 +5,7 @@ Run by freecadcmd, with `ISOMARK` naming the program.
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -22,7 +23,7 @@ import FreeCAD
 import Part
 from freecad.Isomark import choice, dxf, job, part, program, station
 from PySide import QtCore
-from surfaces import Vector
+from surfaces import Vector, polylines
 
 #: The longest time that anything here may take, s.
 PATIENCE = 60.0
@@ -78,8 +79,13 @@ def until(ready, what):
     raise AssertionError("not within %g s: %s" % (PATIENCE, what))
 
 
-def made_can():
-    """The files of a can of radius 30 mm with a line of 20 mm and a circle, and the drawing's settings."""
+def made_can(height=0.0):
+    """The files of a can of radius 30 mm with a line of 20 mm and a circle at a height, and the drawing's settings."""
+    return framed_can(height)[:2]
+
+
+def framed_can(height):
+    """The same, with the marking frame."""
     document = FreeCAD.newDocument()
     item = document.addObject("Part::Feature", "Can")
     item.Shape = Part.makeCylinder(30.0, 80.0)
@@ -87,18 +93,19 @@ def made_can():
     sketch.addGeometry(Part.LineSegment(Vector(-10, 0, 0), Vector(10, 0, 0)))
     sketch.addGeometry(Part.Circle(Vector(0, 10, 0), Vector(0, 0, 1), 5.0))
     # The middle of the field is the part's own origin, so the sketch is at its height.
-    sketch.Placement = FreeCAD.Placement(Vector(0, -30, 0), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    sketch.Placement = FreeCAD.Placement(Vector(0, -30, height), FreeCAD.Rotation(Vector(1, 0, 0), 90))
     item.Placement = FreeCAD.Placement(Vector(0, 0, -40), FreeCAD.Rotation())
     document.recompute()
     chosen = choice.Choice()
     chosen.part, chosen.drawing = choice.Ref.of(item), [choice.Ref.of(sketch)]
     frame = chosen.frame()
     tessellated = part.at_once(part.tessellate(chosen.part.shape()))
-    return job.files(chosen, tessellated, frame), station.sidecar({"anchor": "origin"})
+    return job.files(chosen, tessellated, frame), station.sidecar({"anchor": "origin"}, frame), frame
 
 
 def send(to, made, sidecar, product="can", name="label", drawing=None):
     names = station.drop_names(product, name, made.ending)
+    station.refuse_another_frame(to.hot, names, sidecar)
     answer = station.Answer(to, product, names[0], names[2])
     station.send(to.hot, list(zip(names, (made.part, sidecar, drawing or made.drawing))))
     return answer
@@ -124,6 +131,8 @@ def a_running_station_delivers_what_is_sent():
         # The same again is answered again.
         state, _ = final(send(running.station, made, sidecar))
         assert state in (station.DELIVERED, station.FILED)
+        if state == station.FILED:
+            assert "delivered the same before" in station.filed_words(running.status(), "can@label.dxf")[0]
 
 
 def a_rejected_drawing_comes_back_with_its_reason():
@@ -178,6 +187,75 @@ def a_drawing_that_waits_is_shown_with_what_it_waits_for():
         finally:
             os.mkdir(os.path.join(running.folder, "import"))
         assert final(answer)[0] == station.DELIVERED
+
+
+def heights(running, name):
+    """The lowest and the highest y of a delivered drawing, which is the height on the can."""
+    with open(os.path.join(running.folder, "import", name), "rb") as file:
+        ys = [y for corners, _ in polylines(file.read()) for _, y in corners]
+    return min(ys), max(ys)
+
+
+def a_second_drawing_does_not_move_one_that_waits():
+    """The frame belongs to the part: the part of the second drawing must not replace that of the first."""
+    above, above_settings, above_frame = framed_can(15.0)
+    below, below_settings, below_frame = framed_can(-15.0)
+    with Running(watched=False) as running:
+        first = send(running.station, above, above_settings, name="above")
+        # The same frame again is no problem.
+        send(running.station, above, above_settings, name="again")
+        try:
+            send(running.station, below, below_settings, name="below")
+        except station.Trouble as trouble:
+            assert "can@above" in trouble.what and "product" in trouble.remedy, trouble
+        else:
+            raise AssertionError("the part of a waiting drawing was replaced")
+        assert not os.path.exists(os.path.join(running.station.hot, "can@below.dxf"))
+        # A product of its own is accepted, and so is the same drawing that moved.
+        second = send(running.station, below, below_settings, product="can-2", name="below")
+        running.watch()
+        for answer, frame in ((first, above_frame), (second, below_frame)):
+            state, report = final(answer)
+            assert state == station.DELIVERED and station.frame_words(report, frame) is None, report
+        low, high = heights(running, "can@above.dxf")
+        assert abs(low - 15.0) < 0.05 and abs(high - 30.0) < 0.05, (low, high)
+        # Delivered, it still would be moved by a later correction.
+        for name, product, frame, others in (
+            ("below.dxf", "can", below_frame, ["can@above.dxf", "can@again.dxf"]),
+            ("below.dxf", "can", above_frame, []),
+            ("below.dxf", "can-3", below_frame, []),
+        ):
+            found = lambda: sorted(station.placed_elsewhere(running.station, product, name, frame)) == others
+            until(found, "%s in another place than %s of %s" % (others, name, product))
+        low, high = heights(running, "can-2@below.dxf")
+        assert abs(low + 15.0) < 0.05 and abs(high - 0.0) < 0.05, (low, high)
+
+
+def a_drawing_that_was_placed_with_another_frame_is_pointed_out():
+    above, above_settings, frame = framed_can(15.0)
+    below = framed_can(-15.0)[0]
+    with Running(watched=False) as running:
+        answer = send(running.station, above, above_settings)
+        # Another program sends the part with another frame before the station looks.
+        station.send(running.station.hot, [("can.glb", below.part)])
+        running.watch()
+        state, report = final(answer)
+        assert state == station.DELIVERED and heights(running, "can@label.dxf")[0] < -14.0
+        what, remedy = station.frame_words(report, frame)
+        assert "another place" in what and "Do not mark it" in remedy, (what, remedy)
+
+
+def settings_that_replace_the_frame_are_pointed_out():
+    made, sidecar, frame = framed_can(15.0)
+    with Running(watched=False) as running:
+        with open(os.path.join(running.folder, "skus", "can.toml"), "w", encoding="utf-8") as file:
+            file.write('[part]\nfacing = "-y"\n')
+        running.watch()
+        state, report = final(send(running.station, made, sidecar))
+        # The same side, but not the height of the drawing.
+        assert state == station.DELIVERED and heights(running, "can@label.dxf")[0] < 1.0
+        what, remedy = station.frame_words(report, frame)
+        assert "another place" in what and "facing" in remedy, (what, remedy)
 
 
 def a_hot_folder_that_may_not_be_written_has_a_remedy():
@@ -296,6 +374,25 @@ def the_station_file_is_understood_like_isomark_does():
             raise AssertionError("a missing station file was accepted")
 
 
+def suggested_names_are_accepted():
+    for text, expected in (
+        ("Größe/Ü 1", "Größe-Ü-1"),
+        ("(1) mug-Body", "_(1)-mug-Body"),
+        ("..", ""),
+        ("-x", "x"),
+        ("~tmp", "tmp"),
+        ("a@b. ", "a-b"),
+        ("💥", "_💥"),
+        ("日本語", "日本語"),
+        ("x" * 300, "x" * 60),
+        ("(" + "x" * 300, "_(" + "x" * 58),
+    ):
+        name = station.plain_name(text)
+        assert name == expected, (text, name)
+        if name:
+            station.check_name(name, "product")
+
+
 def programs_that_are_not_isomark_have_a_remedy():
     with tempfile.TemporaryDirectory() as folder:
         wrong = os.path.join(folder, "wrong")
@@ -354,9 +451,48 @@ def a_child_that_is_killed_leaves_no_process():
         raise AssertionError("process %d still runs" % number)
     application.processEvents()
     assert called == []
-    Child(os.path.join(tempfile.gettempdir(), "no-such-program"), [], None, called.append)
+    Child(os.path.join(tempfile.gettempdir(), "no-such-program"), [], None, lambda *words: called.append(words))
     until(lambda: called, "a sentence")
-    assert "cannot be started" in called[0]
+    assert "cannot be started" in called[0][0] and "Install isomark" in called[0][1]
+    called.clear()
+    Child(shutil.which("sh"), ["-c", "kill -9 $$"], None, lambda *words: called.append(words))
+    until(lambda: called, "a sentence")
+    assert "crashed" in called[0][0] and "try again" in called[0][1]
+
+
+def long_words_do_not_widen_the_panel():
+    from freecad.Isomark.wording import LONGEST_WORD, dividable
+
+    path = "/home/user/" + "folder/" * 20 + "station.toml"
+    shown = dividable("The file %s is missing." % path)
+    assert max(len(piece) for piece in re.split("[ \u200b]", shown)) <= LONGEST_WORD
+    assert shown.replace("\u200b", "") == "The file %s is missing." % path
+    assert dividable("A short sentence, and a/path.") == "A short sentence, and a/path."
+    assert len(dividable("x" * 100000)) < 2000
+
+
+def a_drawing_that_left_without_a_report_is_not_called_delivered():
+    """Only a station that says so delivered the same before."""
+
+    def words(result, drop="can@label.dxf"):
+        status = {"finished": [{"drop": "other.dxf", "result": "delivered"}, {"drop": drop, "result": result}]}
+        return station.filed_words(status, "can@label.dxf")
+
+    assert "delivered the same before" in words("repeated")[0]
+    assert "not known whether" in words("uncertain")[0] and "isomark retry" in words("uncertain")[1]
+    assert "handed the drawing over" in words("handed-over")[0] and "fleet" in words("handed-over")[1]
+    for unknown in (words("repeated", "can@old.dxf"), words("something new"), station.filed_words({}, "can@label.dxf")):
+        assert "no report" in unknown[0] and "import folder" in unknown[1], unknown
+
+
+def a_hot_folder_alone_states_whether_its_answer_can_be_seen():
+    with tempfile.TemporaryDirectory() as folder:
+        hot = os.path.join(folder, "hot")
+        os.mkdir(hot)
+        answer = station.Answer(station.open_station(hot), "can", "can.glb", "can@a.dxf")
+        assert not answer.can_be_seen()
+        os.mkdir(os.path.join(folder, "reports"))
+        assert answer.can_be_seen()
 
 
 def the_package_names_what_it_contains():
@@ -384,14 +520,21 @@ harness.run(
     [
         the_package_names_what_it_contains,
         the_station_file_is_understood_like_isomark_does,
+        suggested_names_are_accepted,
         programs_that_are_not_isomark_have_a_remedy,
         the_program_gets_a_clean_environment,
         a_child_that_is_killed_leaves_no_process,
+        long_words_do_not_widen_the_panel,
+        a_hot_folder_alone_states_whether_its_answer_can_be_seen,
+        a_drawing_that_left_without_a_report_is_not_called_delivered,
         a_running_station_delivers_what_is_sent,
         a_rejected_drawing_comes_back_with_its_reason,
         a_rejected_part_is_the_answer_to_its_drawing,
         a_station_that_does_not_run_is_named,
         a_drawing_that_waits_is_shown_with_what_it_waits_for,
+        a_second_drawing_does_not_move_one_that_waits,
+        a_drawing_that_was_placed_with_another_frame_is_pointed_out,
+        settings_that_replace_the_frame_are_pointed_out,
         a_hot_folder_that_may_not_be_written_has_a_remedy,
         a_missing_hot_folder_has_a_remedy,
         killed_while_sending_nothing_half_is_left,

@@ -112,10 +112,18 @@ def shows(label, *words):
     """A condition: the label of the panel shows all words."""
 
     def ready():
-        text = label.text() if label.isVisible() else ""
+        # Without the places where long words may be divided.
+        text = label.text().replace("\u200b", "") if label.isVisible() else ""
         return all(word in text for word in words)
 
     return Until(ready, "%r in %s, which shows %r" % (words, label.objectName(), label.text()))
+
+
+def ready_to_send(view):
+    """A condition: the files of the drawing are made, and the program has answered."""
+    return Until(
+        lambda: view.result is not None and view.child is None and not view._timer.isActive(), "files that can be sent"
+    )
 
 
 def processes():
@@ -152,6 +160,14 @@ def old_isomark():
     with open(path, "w", encoding="utf-8") as file:
         file.write('#!/bin/sh\n[ "$1" = --version ] && { echo isomark 0.0.1; exit; }\n')
         file.write("echo \"error: unexpected argument '--on-part' found\" >&2; exit 2\n")
+    os.chmod(path, 0o755)
+    return path
+
+
+def long_line():
+    path = os.path.join(folder, "long-line")
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("#!/bin/sh\nprintf %0500d 0 | tr 0 x >&2; exit 1\n")
     os.chmod(path, 0o755)
     return path
 
@@ -236,6 +252,24 @@ def scenario():
     assert os.path.isfile(os.path.join(station, "import", "mug-Can@Label.dxf"))
     picture("delivered")
 
+    say("step: a drawing that makes another one of its product outdated asks first")
+    place = sketch.Placement
+    sketch.Placement = FreeCAD.Placement(place.Base - Vector(0, 0, 3), place.Rotation)
+    view.drawing_name.setText("Lower")
+    document.recompute()
+    view.changed()
+    yield ready_to_send(view)
+    yield from click(view.send_button)
+    yield shows(view.answer, "Not sent yet", "mug-Can@Label.dxf", "click again")
+    assert not os.path.exists(os.path.join(station, "import", "mug-Can@Lower.dxf"))
+    yield from click(view.send_button)
+    yield shows(view.answer, "Delivered", "mug-Can@Lower.dxf")
+    os.remove(os.path.join(station, "reports", "mug-can", "mug-Can@Lower.dxf.report.json"))
+    sketch.Placement = place
+    view.drawing_name.setText("Label")
+    document.recompute()
+    yield ready_to_send(view)
+
     say("step: settings of the product that name another side are pointed out")
     settings = os.path.join(station, "skus", "mug-Can.toml")
     with open(settings, "w", encoding="utf-8") as file:
@@ -271,6 +305,68 @@ def scenario():
     yield from click(view.test_button)
     yield shows(view.version, "isomark ", program)
     yield shows(view.table, "Length error")
+
+    say("step: names that were entered stay for the same part and drawing, and not for others")
+    view.product.setText("mine")
+    view.drawing_name.setText("my label")
+    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face1", 10, -35, 0)
+    FreeCADGui.Selection.addSelection("Mug", "Label")
+    view.use_selection()
+    assert (view.product.text(), view.drawing_name.text()) == ("mine", "my label")
+    other = document.addObject("Part::Box", "Other")
+    document.recompute()
+    FreeCADGui.Selection.addSelection("Mug", "Other", "Face1", 0, 5, 5)
+    view.use_selection()
+    assert (view.product.text(), view.drawing_name.text()) == ("mug-Other", "my label")
+    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face1", 10, -35, 0)
+    FreeCADGui.Selection.addSelection("Mug", "Label")
+    view.use_selection()
+    assert view.product.text() == "mug-Can"
+    view.drawing_name.setText("Label")
+    document.removeObject("Other")
+    document.recompute()
+    view.changed()
+    yield ready_to_send(view)
+
+    say("step: a decimal comma and a decimal point are the same")
+    for text in ("12,5", "12.5"):
+        view.rotate.setValue(0.0)
+        view.rotate.lineEdit().selectAll()
+        view.rotate.lineEdit().insert(text)
+        view.rotate.interpretText()
+        assert view.rotate.value() == 12.5, (text, view.rotate.value())
+    view.rotate.setValue(0.0)
+    yield ready_to_send(view)
+
+    say("step: a mark that is outdated is not kept")
+    view.rotate.setValue(1.0)
+    view.keep()
+    assert document.getObject("Mark") is None
+    yield shows(view.message, "no mark to keep")
+    view.rotate.setValue(0.0)
+    yield shows(view.table, "Length error")
+
+    say("step: a program that fails with a long line does not widen the panel")
+    width = view.form.minimumSizeHint().width()
+    view.program.setText(long_line())
+    view.test()
+    yield shows(view.message, "failed", "xxxxx")
+    assert view.form.minimumSizeHint().width() < max(300, 1.2 * width), view.form.minimumSizeHint().width()
+    view.program.setText(program)
+    view.test()
+    yield shows(view.table, "Length error")
+
+    say("step: a hot folder without the folders of a station")
+    lone = os.path.join(folder, "lone", "hot")
+    os.makedirs(lone)
+    view.station.setText(lone)
+    view.changed()
+    yield ready_to_send(view)
+    yield from click(view.send_button)
+    yield shows(view.answer, "Sent", "mug-Can@Label.dxf", "cannot be shown", "station.toml")
+    view.station.setText(os.path.join(station, "station.toml"))
+    view.changed()
+    yield ready_to_send(view)
 
     say("step: the mark is kept, undone and done again")
     yield from click(view.keep_button)

@@ -28,6 +28,16 @@ def millimetres(scene):
     return scene.unit_settings.scale_length * 1000
 
 
+def is_frame(item):
+    """Whether an object can be a marking frame: an empty that shows no collection."""
+    return item.type == "EMPTY" and not shows_collection(item)
+
+
+def shows_collection(item):
+    """Whether an object is an instance of a collection."""
+    return item.type == "EMPTY" and item.instance_type == "COLLECTION" and item.instance_collection is not None
+
+
 def frame_of(empty, context):
     """The marking frame of an empty; without one, that of the world: the laser looks down.
 

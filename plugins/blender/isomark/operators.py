@@ -25,7 +25,12 @@ class IsomarkUseSelected(bpy.types.Operator):
         chosen = [item for item in context.selected_objects if not mark.is_ours(item)]
         parts = [item for item in chosen if item.type in part.TYPES]
         drawings = sorted((item for item in chosen if item.type in drawing.TYPES), key=lambda item: item.name)
-        empties = [item for item in chosen if item.type == "EMPTY"]
+        empties = [item for item in chosen if drawing.is_frame(item)]
+        instances = [item.name for item in chosen if drawing.shows_collection(item)]
+        if instances:
+            self.report({"ERROR"}, f"{instances[0]} shows a collection: it is neither a part nor a frame. Make its objects real "
+                                   "with Object > Apply > Make Instances Real, and select the part.")
+            return {"CANCELLED"}
         for items, what in ((parts, "meshes"), (empties, "empties")):
             if len(items) > 1:
                 names = ", ".join(item.name for item in items)
@@ -271,8 +276,9 @@ class IsomarkSend(bpy.types.Operator):
 
     def execute(self, context):
         preferences = session.preferences(context)
-        if session.courier is not None:
-            session.courier.stop()
+        before = session.courier
+        if before is not None:
+            before.stop()
             session.courier = None
         path, file, folder = map(session.path_of, (preferences.program, preferences.station, preferences.hot_folder))
         try:
@@ -282,8 +288,9 @@ class IsomarkSend(bpy.types.Operator):
             self.report({"ERROR"}, str(trouble))
             return {"CANCELLED"}
         session.send_trouble = None
+        is_confirmed = before is not None and before.answer.kind == station.ASKING and before.files == export.files()
         session.courier = station.Courier(lambda: station.at(file, folder), export.sku, export.files(),
-                                          lambda: program.find(path), export.direction())
+                                          lambda: program.find(path), export.frame, is_confirmed)
         session.courier.start()
         if not bpy.app.timers.is_registered(_follow):
             bpy.app.timers.register(_follow, first_interval=_TICK_S)

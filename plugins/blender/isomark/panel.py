@@ -9,7 +9,8 @@ from . import mark, session, station, wrap
 
 _ICONS = {"FONT": "OUTLINER_OB_FONT", "CURVE": "OUTLINER_OB_CURVE"}
 _ANSWERS = {station.SENDING: "SORTTIME", station.SENT: "CHECKMARK", station.WAITING: "SORTTIME",
-            station.DELIVERED: "CHECKMARK", station.REJECTED: "CANCEL", station.FAILED: "ERROR"}
+            station.DELIVERED: "CHECKMARK", station.REJECTED: "CANCEL", station.FAILED: "ERROR",
+            station.ASKING: "QUESTION", station.LEFT: "ERROR"}
 
 
 class IsomarkPanel(bpy.types.Panel):

@@ -35,7 +35,7 @@ def read(item, frame, context):
     metres = context.scene.unit_settings.scale_length
     mesh = evaluated.to_mesh()
     try:
-        pieces = _pieces(item, mesh, np.array(evaluated.matrix_world, float), metres)
+        pieces = _pieces(evaluated, mesh, np.array(evaluated.matrix_world, float), metres)
     finally:
         evaluated.to_mesh_clear()
     triangles = sum(len(piece.triangles) for piece in pieces)
@@ -56,7 +56,7 @@ def read(item, frame, context):
     return Part(glb.write_part(name, pieces, node), triangles, _notices(item))
 
 
-def _pieces(item, mesh, matrix, metres):
+def _pieces(evaluated, mesh, matrix, metres):
     """One piece for each material, with the faces turned right side out if the object is mirrored."""
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
@@ -92,7 +92,8 @@ def _pieces(item, mesh, matrix, metres):
     if determinant < 0:
         corners = corners[:, ::-1]
 
-    names = [slot.material.name if slot.material else None for slot in item.material_slots] or [None]
+    # Those of the evaluated object: geometry nodes give materials, too.
+    names = [slot.material.name if slot.material else None for slot in evaluated.material_slots] or [None]
     pieces = []
     for index in np.unique(materials):
         used, order = _distinct(corners[materials == index].reshape(-1), vertex_of, normals)

@@ -128,6 +128,14 @@ def end_all():
 atexit.register(end_all)
 
 
+# What to do in Blender, where isomark's own sentence names options of its command line.
+_REMEDIES = {
+    "off-surface": "Move the drawing or the frame over the part, make the drawing smaller, or turn the Z of the frame to the side "
+                   "that is marked.",
+    "outside-mark": "Move the drawing, make it smaller, or give more faces the material `mark`.",
+}
+
+
 def result(ended):
     """The JSON document of a run with `--json`.
 
@@ -145,19 +153,41 @@ def result(ended):
         raise Trouble("This isomark is too old: it cannot show the mark on the part.",
                       "Install the newest isomark, or enter the path of a newer one in the add-on's preferences.")
     if what:
-        raise Trouble(what, str(document.get("remedy", "")))
+        raise Trouble(what, _REMEDIES.get(document.get("code"), str(document.get("remedy", ""))))
     lines = (ended.err.strip() or ended.out.strip()).splitlines()
     detail = f": {lines[-1][:200]}" if lines else ""
     raise Trouble(f"The program ended with code {ended.code} and without a result{detail}.",
                   "Check in the add-on's preferences, with Test, that the path is that of isomark.")
 
 
-def unused_frame(report, direction):
-    """A sentence if the report shows that isomark looked at another side than the marking frame, whose Z is `direction` (or
-    None for no frame); otherwise None."""
-    facing = report.get("placement", {}).get("facing")
-    if direction is None or not facing or sum(a * b for a, b in zip(facing, direction)) > 0.999:
+# How far two frames may differ and be the same: their origins in mm, their axes as the cosine of the angle.
+_SAME_ORIGIN, _SAME_AXIS = 0.02, 0.999999
+
+
+def is_same_frame(used, frame):
+    """Whether the marking frame in a report (None for none) is this one: origin in mm, z and x (None for no frame)."""
+    used = used if used and used.get("source") == "part" else None
+    if frame is None or used is None:
+        return frame is used
+    origin, z, x = frame
+    away = max(abs(a - b) for a, b in zip(used["origin_mm"], origin))
+    return away <= _SAME_ORIGIN and min(_dot(used["z"], z), _dot(used["x"], x)) >= _SAME_AXIS
+
+
+def _dot(a, b):
+    return sum(p * q for p, q in zip(a, b))
+
+
+def unused_frame(report, frame):
+    """A sentence if the report shows that isomark placed the drawing with another marking frame than this one, which is
+    origin in mm, z and x (or None for no frame); otherwise None."""
+    placement = report.get("placement") or {}
+    used = placement.get("frame") or {}
+    if is_same_frame(used, frame):
         return None
+    if used.get("source") == "part":
+        return ("Do not mark it: it is at another place, because another drawing of this SKU was sent with another frame. Enter "
+                "another SKU for this drawing, and send it again.")
     return ("The frame was not used: the settings name another side (`facing`), or this isomark is too old for frames. "
             "Remove `facing` from the settings, or install the newest isomark.")
 

@@ -56,7 +56,9 @@ class Export:
         frame = drawing.frame_of(settings.frame, context)
         read_part = part.read(settings.part, frame if settings.frame else None, context)
         read_drawing = drawing.read(items, frame, context)
-        self.frame = frame if settings.frame else None
+        # Origin in mm, z and x; None without a frame.
+        origin = (frame.origin * drawing.millimetres(context.scene)).tolist()
+        self.frame = (origin, frame.axes[:, 2].tolist(), frame.axes[:, 0].tolist()) if settings.frame else None
         self.sku, self.name = names(settings)
         self.part, self.drawing = read_part.glb, dxf.write(read_drawing.paths)
         self.notices = [*read_part.notices, *read_drawing.notices]
@@ -64,14 +66,7 @@ class Export:
     def files(self):
         """What is sent to a hot folder, in the order in which a station needs it: part, settings, drawing."""
         stem = f"{self.sku}@{self.name}"
-        files = [(f"{self.sku}.glb", self.part), (f"{stem}.dxf", self.drawing)]
-        if self.frame is not None:
-            files.insert(1, (f"{stem}.toml", b'[placement]\nanchor = "origin"\n'))
-        return files
-
-    def direction(self):
-        """The direction to the laser, or None without a frame."""
-        return None if self.frame is None else self.frame.axes[:, 2].tolist()
+        return [(f"{self.sku}.glb", self.part), (f"{stem}.toml", station.sidecar(self.frame)), (f"{stem}.dxf", self.drawing)]
 
     def digest(self):
         """A value that changes with any of the files."""
@@ -147,7 +142,7 @@ def _outcome(report, export):
     after, before = report["quality"]["after"], report["quality"].get("before") or {}
     notices = [entry for entry in report.get("notices", []) if entry.get("severity") == "warning"]
     warnings = [*export.notices, *(entry.get("message", "") for entry in notices)]
-    if unused := program.unused_frame(report, export.direction()):
+    if unused := program.unused_frame(report, export.frame):
         warnings.insert(0, unused)
     return {
         "length_mm": after["length_mm"],

@@ -16,7 +16,7 @@ def _is_drawing(_, item):
 
 
 def _is_frame(_, item):
-    return item.type == "EMPTY"
+    return drawing.is_frame(item)
 
 
 def _show_again(_, context):

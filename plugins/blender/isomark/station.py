@@ -18,7 +18,11 @@ Station = namedtuple("Station", "file hot reports rejected")
 # The station's answer: `kind` is one of the names below, `what` and `remedy` are for people, `report` is isomark's.
 Answer = namedtuple("Answer", "kind what remedy report", defaults=("", None))
 SENDING, SENT, WAITING, DELIVERED, REJECTED, FAILED = "sending", "sent", "waiting", "delivered", "rejected", "failed"
-FINAL = (DELIVERED, REJECTED, FAILED)
+# Nothing is sent until the user presses the button again.
+ASKING = "asking"
+# Nobody looks any more, and the answer is not known.
+LEFT = "left"
+FINAL = (DELIVERED, REJECTED, FAILED, ASKING, LEFT)
 
 _PAUSE_S = 0.3
 _STATUS_EVERY_S = 2.0
@@ -91,18 +95,96 @@ def _plain_folders(text):
     return folders
 
 
+# Most bytes of the name of a product or of a drawing.
+_LONGEST_NAME = 96
+
+
 def plain_name(text, instead):
     """A name of a product or drawing that isomark and every file system accept."""
     text = unicodedata.normalize("NFC", text)
     text = "".join("_" if letter in '/\\:*?"<>|@' or unicodedata.category(letter) == "Cc" else letter for letter in text)
-    text = text.strip(". ")[:80].strip(". ")
+    text = text.strip(". ")
     if text and not (text[0].isalnum() or text[0] == "_"):
         text = "_" + text
+    # Two names, an ending and the start of a hidden name fit into the 255 bytes of a file name.
+    text = text[:80].encode()[:_LONGEST_NAME].decode(errors="ignore").strip(". ")
     devices = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
     devices |= {device + digit for device in ("COM", "LPT") for digit in "0123456789¹²³"}
     if text.split(".")[0].rstrip().upper() in devices:
         text = "_" + text
     return text or instead
+
+
+# The start of the line that names the frame of a drawing in its settings, for the plugins of other programs, too.
+_FRAME_LINE = "# isomark frame: "
+_DRAWINGS = (".dxf", ".svg", ".png", ".bmp")
+# Most reports that are read to find drawings with another frame.
+_MOST_REPORTS = 100
+
+
+def sidecar(frame):
+    """The settings of a drawing as a file beside it; a comment names its marking frame: origin in mm, z and x, or None."""
+    if frame is None:
+        return f"{_FRAME_LINE}none\n".encode()
+    numbers = " ".join(f"{round(number, 4) + 0.0:.4f}" for axis in frame for number in axis)
+    return f'{_FRAME_LINE}{numbers}\n[placement]\nanchor = "origin"\n'.encode()
+
+
+def refuse_another_frame(hot, files):
+    """Raises Trouble while another drawing of the SKU waits in the hot folder with another marking frame.
+
+    The frame belongs to the part, and the newer part would replace the one that the other drawing was sent with. `files` are
+    part, settings and drawing.
+    """
+    part, settings, _ = (_key(os.path.splitext(name)[0]) for name, _ in files)
+    ours = _frame_line(files[1][1])
+    try:
+        there = os.listdir(hot)
+    except OSError:
+        # `put` states it.
+        return
+    stems = {_key(os.path.splitext(name)[0]) for name in there if name.lower().endswith(_DRAWINGS)}
+    for name in sorted(there):
+        stem, ending = os.path.splitext(_key(name))
+        if ending != ".toml" or not stem.startswith(part + "@") or stem == settings or stem not in stems:
+            continue
+        try:
+            theirs = _frame_line((Path(hot) / name).read_bytes())
+        except OSError:
+            # The station took it.
+            continue
+        if theirs not in (None, ours):
+            raise Trouble(f"The drawing {os.path.splitext(name)[0]} of the same SKU still waits in the hot folder, and it has "
+                          "another frame. Sent now, this drawing would move its mark.",
+                          "Wait until the station delivered it, or enter another SKU for this drawing.")
+
+
+def _frame_line(settings):
+    lines = settings.decode("utf-8", "replace").splitlines()
+    return next((line for line in lines if line.startswith(_FRAME_LINE)), None)
+
+
+def placed_elsewhere(reports, drawing, frame):
+    """The drawings in a folder of reports, without this one, that were placed with another marking frame.
+
+    The part with the new frame makes them outdated, and a correction would move their marks.
+    """
+    ending, found = ".report.json", []
+    try:
+        places = [entry for entry in os.scandir(reports) if entry.name.endswith(ending) and entry.name != drawing + ending]
+        places.sort(key=lambda entry: entry.stat().st_mtime, reverse=True)
+    except OSError:
+        return []
+    for entry in places[:_MOST_REPORTS]:
+        used = ((_document(entry.path) or {}).get("placement") or {}).get("frame") or {}
+        if used.get("source") == "part" and not program.is_same_frame(used, frame):
+            found.append(entry.name[:-len(ending)])
+    return found
+
+
+def _key(name):
+    """The name of a SKU's folder: two spellings that some file systems treat as one have one folder."""
+    return unicodedata.normalize("NFC", name).lower()
 
 
 def put(hot, files):
@@ -161,14 +243,14 @@ class Courier(threading.Thread):
     `answer` is the newest Answer. A stopped courier no longer looks; the files stay where they are.
     """
 
-    def __init__(self, find_station, sku, files, find_program, direction=None):
+    def __init__(self, find_station, sku, files, find_program, frame=None, is_confirmed=False):
         """`find_station` returns the Station; it is called in the background, because a share may not answer. `files` are
-        pairs of name and bytes in the order of their arrival; the last is the drawing. `direction` is the Z of the marking
-        frame, if there is one."""
+        pairs of name and bytes in the order of their arrival: part, settings, drawing. `frame` is the marking frame: origin
+        in mm, z and x. `is_confirmed`: the user knows that other drawings of the SKU become outdated."""
         super().__init__(name="isomark courier", daemon=True)
-        self.station, self.files, self.direction = None, files, direction
+        self.station, self.files, self.frame, self.is_confirmed = None, files, frame, is_confirmed
         self.find_station, self.find_program = find_station, find_program
-        self.folder = unicodedata.normalize("NFC", sku).lower()
+        self.folder = _key(sku)
         self.drawing = files[-1][0]
         self.answer = Answer(SENDING, f"Sending {self.drawing}.")
         self._stopped = threading.Event()
@@ -181,6 +263,12 @@ class Courier(threading.Thread):
     def run(self):
         try:
             self.station = self.find_station()
+            refuse_another_frame(self.station.hot, self.files)
+            if not self.is_confirmed and (others := self._others()):
+                self.answer = Answer(ASKING, f"Not sent yet. Of this SKU, {others} has another frame. If you send this drawing, "
+                                             f"a later correction of {others} moves its mark.",
+                                     "Enter another SKU for this drawing, or press Send again to send it all the same.")
+                return
             before = self._snapshot()
             put(self.station.hot, self.files)
             self._follow(before)
@@ -210,13 +298,19 @@ class Courier(threading.Thread):
             busy = isinstance(state, dict) and any(job.get("drop") == self.drawing for job in state.get("under_way", []))
             filed_since = None if is_there or busy else filed_since or now
             if filed_since and now - filed_since > _FILED_S:
-                if answer := self._filed(before):
-                    self.answer = answer
-                else:
-                    self.answer = Answer(DELIVERED, f"The station had delivered the same {self.drawing} before; "
-                                                    "the result is unchanged.")
+                self.answer = self._filed(before) or self._left(self._status())
                 return
             self.answer = self._waiting(state)
+        if not self._stopped.is_set():
+            self.answer = Answer(LEFT, f"The station has not answered for {_GIVE_UP_S / 60:.0f} minutes, and the add-on no longer "
+                                       f"looks for its answer. {self.answer.what}",
+                                 self.answer.remedy or "Look for the drawing in the station's folders, or send it again.")
+
+    def _others(self):
+        """The names of drawings of the SKU with another frame, as a text."""
+        reports = self.station.reports
+        names = placed_elsewhere(reports / self.folder, self.drawing, self.frame) if reports else []
+        return ", ".join(names[:3]) + (", …" if names[3:] else "")
 
     def _snapshot(self):
         return {place: _stamp(place) for place in [self._report(), *self._reasons()] if place}
@@ -249,7 +343,7 @@ class Courier(threading.Thread):
         report = self._report()
         if report and _stamp(report) not in (None, before.get(report)):
             if document := _document(report):
-                unused = program.unused_frame(document, self.direction) or ""
+                unused = program.unused_frame(document, self.frame) or ""
                 return Answer(DELIVERED, f"Delivered as {self.drawing}.", unused, document)
         return None
 
@@ -269,6 +363,23 @@ class Courier(threading.Thread):
         except Trouble as trouble:
             return trouble
 
+    def _left(self, state):
+        """What became of a drawing that left the hot folder without a report or a reason."""
+        finished = state.get("finished", []) if isinstance(state, dict) else []
+        result = next((entry.get("result") for entry in finished if entry.get("drop") == self.drawing), None)
+        if result == "repeated":
+            return Answer(DELIVERED, f"The station had delivered the same {self.drawing} before; the result is unchanged.")
+        if result in ("delivered", "delivered-again"):
+            return Answer(DELIVERED, f"Delivered as {self.drawing}. Its report is not in the folder reports.")
+        if result == "uncertain":
+            return Answer(LEFT, f"It is not known whether {self.drawing} was delivered.",
+                          "Check the import folder, and run isomark retry with the name of the drawing.")
+        if result == "handed-over":
+            return Answer(LEFT, f"The station handed {self.drawing} over to its line. It is not known here whether it is delivered.",
+                          "Run isomark fleet status to see the line.")
+        return Answer(LEFT, f"{self.drawing} left the hot folder, and no report and no reason was found.",
+                      "Check the import folder, or run isomark status for the station.")
+
     def _waiting(self, state):
         """What the files wait for."""
         still = f"Waiting for the station: {self.drawing}."
@@ -282,6 +393,9 @@ class Courier(threading.Thread):
                 if drop.get("drop") in names:
                     reason = drop.get("reason", {})
                     return Answer(WAITING, f"{drop['drop']} waits: {reason.get('what', '')}", reason.get("remedy", ""))
+        if state.get("state") == "silent":
+            return Answer(WAITING, f"The station {state.get('station', '')} runs, but does not report its state. {self.drawing} "
+                                   "waits.", "Read its log, or end it and start it again.")
         if state.get("state") != "running":
             return Answer(WAITING, f"The station {state.get('station', '')} is not running, so {self.drawing} waits.",
                           f"Start it: isomark watch {self.station.file}")

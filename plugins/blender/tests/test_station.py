@@ -6,8 +6,10 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from unittest import mock
 
 import bpy
+import numpy as np
 
 import bench
 from bench import Can, SceneTest, addon
@@ -71,7 +73,8 @@ class Answers(SceneTest):
         answer = self.final(self.send())
         self.assertEqual((answer.kind, answer.what), ("delivered", "Delivered as Can 1@front.dxf."))
         self.assertLess(answer.report["quality"]["after"]["length_error_mm"], 0.1)
-        self.assertEqual(os.listdir(self.station.folder / "hot"), [])
+        # The report comes before the drop is filed.
+        bench.until(lambda: not os.listdir(self.station.folder / "hot"))
         corrected = bench.polylines(self.station.folder / "import" / "Can 1@front.dxf")
         archived = bench.polylines(self.station.folder / "archive" / "can 1" / "Can 1@front.dxf")
         errors = [bench.length(points, closed)
@@ -95,6 +98,27 @@ class Answers(SceneTest):
         self.final(self.send())
         answer = self.final(self.send())
         self.assertEqual(answer.kind, "delivered")
+        self.assertIn("Can 1@front.dxf", answer.what)
+
+    def test_a_drawing_that_left_without_a_report_is_not_called_delivered(self):
+        courier = self.send()
+        bench.until(lambda: courier.answer.kind == "waiting")
+        courier.stop()
+
+        def left(result, drop="Can 1@front.dxf"):
+            return courier._left({"finished": [{"drop": "x.dxf", "result": "delivered"}, {"drop": drop, "result": result}]})
+        self.assertEqual(left("repeated").kind, "delivered")
+        for result, word in (("uncertain", "not known"), ("handed-over", "line"), ("new", "no report")):
+            answer = left(result)
+            self.assertEqual(answer.kind, "left")
+            self.assertIn(word, answer.what)
+            self.assertTrue(answer.remedy)
+        for unknown in (left("repeated", "other.dxf"), courier._left(None), courier._left(self.trouble(addon("program").find, "x"))):
+            self.assertEqual(unknown.kind, "left")
+        # A station that hangs is not one that is stopped.
+        silent = courier._waiting({"state": "silent", "station": "Laser 1"})
+        self.assertIn("runs, but", silent.what)
+        self.assertNotIn("isomark watch", silent.remedy)
 
     def test_a_rejected_drawing_shows_the_reason_and_the_remedy(self):
         self.station.start()
@@ -121,6 +145,79 @@ class Answers(SceneTest):
         self.assertIn(str(self.station.file), waiting.remedy)
         self.station.start()
         self.assertEqual(self.final(courier).kind, "delivered")
+
+    def heights(self, name):
+        """The lowest and the highest y of a delivered drawing: the height on the can in the field."""
+        ys = np.concatenate([np.array(points)[:, 1] for _, _, points in bench.polylines(self.station.folder / "import" / name)])
+        return ys.min(), ys.max()
+
+    def move_up(self, distance):
+        """Moves the frame and the drawing, mm."""
+        for item in [self.settings.frame, *(entry.item for entry in self.settings.drawings)]:
+            item.matrix_world = bench.Matrix.Translation((0, 0, distance)) @ item.matrix_world
+        bpy.context.view_layer.update()
+
+    def test_a_second_drawing_does_not_move_one_that_waits(self):
+        first = self.send()
+        bench.until(lambda: first.answer.kind == "waiting")
+        first.stop()
+        # The same frame again is no problem, and no frame or another one is.
+        self.settings.name = "again"
+        again = self.send()
+        bench.until(lambda: again.answer.kind == "waiting")
+        self.settings.name = "lower"
+        self.move_up(-25)
+        for frame in (self.settings.frame, None):
+            self.settings.frame = frame
+            answer = self.final(self.send())
+            self.assertEqual(answer.kind, "failed", answer)
+            self.assertIn("Can 1@", answer.what)
+            self.assertIn("another SKU", answer.remedy)
+        self.assertFalse((self.station.folder / "hot" / "Can 1@lower.dxf").exists())
+        self.station.start()
+        for name in ("front", "again"):
+            bench.until(lambda: (self.station.folder / "reports" / "can 1" / f"Can 1@{name}.dxf.report.json").exists())
+        self.assertEqual(self.heights("Can 1@front.dxf"), self.heights("Can 1@again.dxf"))
+
+    def test_a_drawing_that_makes_others_outdated_asks_first(self):
+        self.station.start()
+        self.assertEqual(self.final(self.send()).kind, "delivered")
+        before = self.heights("Can 1@front.dxf")
+        self.settings.name = "lower"
+        self.move_up(-25)
+        answer = self.final(self.send())
+        self.assertEqual(answer.kind, "asking", answer)
+        self.assertIn("Can 1@front.dxf", answer.what)
+        self.assertIn("again", answer.remedy)
+        self.assertFalse((self.station.folder / "import" / "Can 1@lower.dxf").exists())
+        answer = self.final(self.send())
+        self.assertEqual((answer.kind, answer.remedy), ("delivered", ""), answer)
+        after = self.heights("Can 1@lower.dxf")
+        for one, other in zip(before, after):
+            self.assertAlmostEqual(one - other, 25, delta=0.05)
+        # The older drawing moved in the scene is the same drawing.
+        self.settings.sku = "Can 2"
+        self.assertEqual(self.final(self.send()).kind, "delivered")
+        self.move_up(5)
+        self.assertEqual(self.final(self.send()).kind, "delivered")
+
+    def test_a_drawing_that_was_placed_with_another_frame_is_pointed_out(self):
+        courier = self.send()
+        bench.until(lambda: courier.answer.kind == "waiting")
+        # Another program sends the part with another frame before the station looks.
+        self.move_up(-25)
+        addon("station").put(self.station.folder / "hot", addon("session").Export(bpy.context).files()[:1])
+        self.station.start()
+        answer = self.final(courier)
+        self.assertEqual(answer.kind, "delivered", answer)
+        self.assertIn("Do not mark it", answer.remedy)
+
+    def test_a_station_that_never_answers_is_left_with_a_sentence(self):
+        with mock.patch.object(addon("station"), "_GIVE_UP_S", 1.0):
+            answer = self.final(self.send())
+        self.assertEqual(answer.kind, "left")
+        self.assertIn("no longer looks", answer.what)
+        self.assertTrue(answer.remedy)
 
     def test_a_hot_folder_without_its_other_folders_is_enough_to_send(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -151,7 +248,7 @@ class Answers(SceneTest):
 
     def test_the_panel_shows_every_answer(self):
         answer, kinds = addon("station").Answer, addon("panel")._ANSWERS
-        for kind in ("sending", "sent", "waiting", "delivered", "rejected", "failed"):
+        for kind in ("sending", "sent", "waiting", "delivered", "rejected", "failed", "asking", "left"):
             self.assertIn(answer(kind, "").kind, kinds)
 
 

@@ -122,6 +122,20 @@ class Inputs(SceneTest):
         with self.assertRaisesRegex(RuntimeError, "Several meshes.*Can, Mouse"):
             bpy.ops.isomark.use_selected()
 
+    def test_an_instance_of_a_collection_is_neither_part_nor_frame(self):
+        part = Can().part()
+        library = bpy.data.collections.new("library")
+        library.objects.link(part)
+        bpy.context.scene.collection.objects.unlink(part)
+        instance = bpy.data.objects.new("Instance", None)
+        instance.instance_type, instance.instance_collection = "COLLECTION", library
+        bpy.context.scene.collection.objects.link(instance)
+        bpy.context.view_layer.update()
+        instance.select_set(True)
+        with self.assertRaisesRegex(RuntimeError, "Instance shows a collection.*Make Instances Real"):
+            bpy.ops.isomark.use_selected()
+        self.assertIsNone(self.settings.frame)
+
     def test_a_drawing_beside_the_part_is_refused_and_no_mark_is_shown(self):
         can = Can()
         items = bench.drawings(can.frame_matrix)
@@ -135,7 +149,10 @@ class Inputs(SceneTest):
         with self.assertRaises(RuntimeError):
             bpy.ops.isomark.show()
         outcome = json.loads(self.settings.outcome)
-        self.assertTrue(outcome["what"] and outcome["remedy"])
+        self.assertTrue(outcome["what"])
+        # What a person can do in Blender, not an option of the command line.
+        self.assertIn("Move the drawing or the frame", outcome["remedy"])
+        self.assertNotIn("--", outcome["remedy"])
         self.assertNotIn("isomark", bpy.data.objects)
 
     def test_a_hidden_object_is_pointed_out(self):
@@ -216,6 +233,31 @@ class Inputs(SceneTest):
         path.write_bytes(addon("part").read(can, None, bpy.context).glb)
         self.assertEqual(sorted(self.inspect(path)["materials"]), ["body", "mark"])
 
+    def test_materials_of_geometry_nodes_and_of_the_object_are_those_of_the_part(self):
+        can, path = Can().part(), self.folder / "can.glb"
+        nodes = can.modifiers.new("Nodes", "NODES")
+        nodes.node_group = group = bpy.data.node_groups.new("paint", "GeometryNodeTree")
+        if hasattr(group, "interface"):
+            for side in ("INPUT", "OUTPUT"):
+                group.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+        else:
+            group.inputs.new("NodeSocketGeometry", "Geometry")
+            group.outputs.new("NodeSocketGeometry", "Geometry")
+        begin, paint, end = map(group.nodes.new, ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+        paint.inputs["Material"].default_value = bpy.data.materials.new("mark")
+        group.links.new(begin.outputs[0], paint.inputs[0])
+        group.links.new(paint.outputs[0], end.inputs[0])
+        bpy.context.view_layer.update()
+        path.write_bytes(addon("part").read(can, None, bpy.context).glb)
+        self.assertEqual(self.inspect(path)["materials"], ["mark"])
+        can.modifiers.clear()
+        can.data.materials.append(bpy.data.materials.new("body"))
+        can.material_slots[0].link = "OBJECT"
+        can.material_slots[0].material = bpy.data.materials.new("shell")
+        bpy.context.view_layer.update()
+        path.write_bytes(addon("part").read(can, None, bpy.context).glb)
+        self.assertEqual(self.inspect(path)["materials"], ["shell"])
+
     def test_what_a_drawing_shows_beyond_its_lines_is_pointed_out(self):
         bpy.ops.curve.primitive_bezier_circle_add(radius=5)
         circle = bench.named("Circle")
@@ -261,8 +303,12 @@ class Folders(SceneTest):
         plain = addon("station").plain_name
         for text, expected in (("Can 1", "Can 1"), ("a/b:c", "a_b_c"), ("..", "x"), ("", "x"), ("-a", "_-a"),
                                ("con", "_con"), ("COM1.x", "_COM1.x"), ("Gro\u0308ße", "Größe"), ("a@b. ", "a_b"),
-                               ("x" * 300, "x" * 80)):
+                               ("x" * 300, "x" * 80), ("日" * 300, "日" * 32), ("(" + "x" * 300, "_(" + "x" * 78)):
             self.assertEqual(plain(text, "x"), expected)
+        # Names that are as long as possible can be sent.
+        name = plain("語" * 200, "x")
+        addon("station").put(self.folder, [(f"{name}@{name}.dxf", b"whole")])
+        self.assertEqual((self.folder / f"{name}@{name}.dxf").read_bytes(), b"whole")
 
 
 class Files(SceneTest):

@@ -11,7 +11,7 @@ from .wording import translate
 
 
 class Child:
-    """One run of a program. `done(code, output, errors)` or `failed(sentence)` is called once, unless it is killed."""
+    """One run of a program. `done(code, output, errors)` or `failed(what, remedy)` is called once, unless it is killed."""
 
     #: Those that run: Qt's signals alone would not keep them.
     _running = set()
@@ -71,19 +71,28 @@ class Child:
         if process.exitStatus() == QtCore.QProcess.NormalExit:
             self._done(code, output, errors)
         else:
-            self._failed(translate("Isomark", "The program crashed."))
+            self._failed(
+                translate("Isomark", "The program crashed, or the system ended it."),
+                translate("Isomark", "Close other programs if memory is short, and try again. If it happens again, report it."),
+            )
 
     def _on_error(self, error):
         # After a crash, `finished` follows.
         if error == QtCore.QProcess.FailedToStart and self._process is not None:
             words = self._process.errorString()
             self._release().deleteLater()
-            self._failed(translate("Isomark", "The program cannot be started: {words}.", words=words.rstrip(".")))
+            self._failed(
+                translate("Isomark", "The program cannot be started: {words}.", words=words.rstrip(".")),
+                program.install_remedy(),
+            )
 
     def _on_limit(self):
         failed = self._failed
         self.kill()
-        failed(translate("Isomark", "The program did not answer in time."))
+        failed(
+            translate("Isomark", "The program did not answer in time."),
+            translate("Isomark", "Check that it is isomark, and that its drive or share answers."),
+        )
 
 
 class Background:

@@ -10,8 +10,6 @@ from . import outline
 from .frame import Frame, dot, scaled, subtract
 from .wording import Trouble, translate
 
-#: Endings of drawings that isomark reads.
-DRAWINGS = (".dxf", ".svg", ".png", ".bmp")
 PICTURES = (".png", ".bmp")
 
 
@@ -62,6 +60,10 @@ class Ref:
         top = self._top()
         return top.getSubObject(self.path, retType=3) if self.path else top.Placement
 
+    def inside(self, item):
+        """An object in this container."""
+        return Ref(self._top(), self.path + item.Name + ".")
+
     def names(self):
         """The names of the objects on the way, as text that a document can keep."""
         return self.top + "." + self.path
@@ -94,9 +96,27 @@ class Choice:
         self.drawing = []
         #: The file of the drawing; empty if it is made of objects.
         self.file = ""
+        #: Labels of further parts that are selected.
+        self.more_parts = []
+        #: What is selected and is neither a part nor a drawing.
+        self.unusable = []
 
     def check(self):
-        """Raises `Trouble` when something is missing."""
+        """Raises `Trouble` when something is missing, or when it is not clear what is meant."""
+        is_incomplete = self.part is None or not (self.drawing or self.file)
+        for ref in self.unusable:
+            trouble = _not_usable(ref, is_incomplete)
+            if trouble:
+                raise trouble
+        if self.more_parts:
+            raise Trouble(
+                translate(
+                    "Isomark",
+                    "Several parts are selected: {names}.",
+                    names=", ".join([self.part.label] + self.more_parts),
+                ),
+                translate("Isomark", "Select only the part that is marked, and with Ctrl the drawing."),
+            )
         if self.part is None and not self.drawing and not self.file:
             raise Trouble(
                 translate("Isomark", "Nothing is selected."),
@@ -144,25 +164,41 @@ class Choice:
         return dot(normal, frame.z) < -0.1
 
     def _frame_of_drawing(self):
-        # A single point has no plane.
-        first, shape = self.drawing[0], None
-        for ref in self.drawing:
-            shape = ref.shape()
-            if outline.has_lines(shape) and shape.Edges:
-                first = ref
-                break
-        else:
-            raise _no_lines(first)
-        if first.item.isDerivedFrom("Part::Part2DObject"):
-            frame = frame_of_placement(first.placement())
-            depths = [frame.local(tuple(vertex.Point))[2] for vertex in shape.Vertexes]
-            if not depths or max(depths) - min(depths) <= outline.FLAT:
-                return frame
-        _, axis = outline.plane_of(shape)
+        # A single point has no plane, and a straight line has many.
+        shapes = [(ref, ref.shape()) for ref in self.drawing]
+        lined = [(ref, shape) for ref, shape in shapes if outline.has_lines(shape) and shape.Edges]
+        if not lined:
+            raise _no_lines(self.drawing[0])
+        straight = None
+        for ref, shape in lined:
+            if ref.item.isDerivedFrom("Part::Part2DObject"):
+                frame = frame_of_placement(ref.placement())
+                depths = [frame.local(tuple(vertex.Point))[2] for vertex in shape.Vertexes]
+                if not depths or max(depths) - min(depths) <= outline.FLAT:
+                    return frame
+            along = outline.direction_of(shape)
+            if along is None:
+                _, axis = outline.plane_of(shape)
+                return self._frame_away(shape, tuple(axis))
+            straight = straight or (shape, along)
+        shape, along = straight
+        away = subtract(tuple(shape.BoundBox.Center), self._middle())
+        across = subtract(away, scaled(along, dot(away, along)))
+        if dot(across, across) < 1e-6:
+            raise Trouble(
+                translate("Isomark", "The drawing is a straight line through the middle of the part: it has no plane."),
+                translate("Isomark", "Draw the line in a sketch."),
+            )
+        return self._frame_away(shape, across)
+
+    def _frame_away(self, shape, normal):
+        """The frame in the middle of the shape whose z is the normal or its opposite, away from the part."""
         center = tuple(shape.BoundBox.Center)
-        away = subtract(center, tuple(self.part.shape().BoundBox.Center))
-        normal = tuple(axis)
+        away = subtract(center, self._middle())
         return Frame.on_surface(center, normal if dot(away, normal) >= 0.0 else scaled(normal, -1.0))
+
+    def _middle(self):
+        return tuple(self.part.shape().BoundBox.Center)
 
     def _frame_at_face(self):
         point, normal = self._spot(self.picked)
@@ -208,8 +244,7 @@ def _no_lines(ref):
         translate("Isomark", "The drawing {name} has no lines.", name=ref.label),
         translate(
             "Isomark",
-            "Choose a sketch, a Draft object or a ShapeString with lines that are not construction lines. Text must be "
-            "a ShapeString.",
+            "Choose a sketch, a Draft object or a ShapeString with lines that are not construction lines.",
         ),
     )
 
@@ -236,10 +271,15 @@ def _add(choice, ref, element, point):
             choice.drawing.append(ref)
         return
     part = _owner(ref)
-    if not _has_faces(part) or choice.part not in (None, part):
+    if not _has_faces(part):
+        choice.unusable.append(part)
+        return
+    if choice.part not in (None, part):
+        if part.label not in choice.more_parts:
+            choice.more_parts.append(part.label)
         return
     choice.part = part
-    is_shown = item == part.item or getattr(part.item, "Tip", None) == item
+    is_shown = item == part.item or getattr(_linked(part.item), "Tip", None) == item
     if element.startswith("Face") and is_shown:
         number = int(element[4:]) - 1
         if number not in choice.faces:
@@ -250,16 +290,51 @@ def _add(choice, ref, element, point):
 
 def _owner(ref):
     """The body of a feature, or the object itself."""
-    names = ref.path.rstrip(".").split(".")[:-1]
-    if ref.path:
-        above = Ref(ref._top(), "".join(name + "." for name in names))
-        if above.item.isDerivedFrom("PartDesign::Body"):
-            return above
-    return ref
+    above = next(_above(ref), None)
+    return above if above is not None and _is_body(above.item) else ref
+
+
+def _linked(item):
+    """The object that a link shows, or the object itself."""
+    return item.getLinkedObject() or item
+
+
+def _is_body(item):
+    return _linked(item).isDerivedFrom("PartDesign::Body")
+
+
+#: The properties of texts and dimensions of Draft, and of annotations.
+_OF_TEXTS = ("Text", "CustomText", "LabelText", "Dimline")
+
+
+def _not_usable(ref, is_incomplete):
+    """Why a selected object is neither a part nor a drawing; `None` if nothing was probably meant by it."""
+    item = _linked(ref.item)
+    if item.isDerivedFrom("Mesh::Feature"):
+        return Trouble(
+            translate("Isomark", "{name} is a mesh, which has no faces that can be marked.", name=ref.label),
+            translate(
+                "Isomark",
+                "Make a shape of it with Part > Create shape from mesh, or drop its file into the station's hot folder.",
+            ),
+        )
+    if any(hasattr(item, name) for name in _OF_TEXTS):
+        return Trouble(
+            translate("Isomark", "{name} is a text or a dimension, which has no outlines.", name=ref.label),
+            translate("Isomark", "Draw it as a ShapeString of Draft, and select that."),
+        )
+    if not is_incomplete:
+        return None
+    return Trouble(
+        translate("Isomark", "{name} is neither a part nor a drawing.", name=ref.label),
+        translate("Isomark", "Select a face of the part and, with Ctrl, a sketch, a Draft object or a ShapeString."),
+    )
 
 
 def _has_faces(ref):
     shape = ref.shape()
+    if ref.item.isDerivedFrom("Part::Datum"):
+        return False
     return isinstance(shape, Part.Shape) and not shape.isNull() and bool(shape.Faces)
 
 
@@ -269,7 +344,7 @@ def is_drawing(ref):
     if item.isDerivedFrom("Part::Part2DObject"):
         return True
     shape = ref.shape()
-    if not isinstance(shape, Part.Shape) or shape.isNull() or shape.Solids:
+    if not isinstance(shape, Part.Shape) or shape.isNull() or shape.Solids or item.isDerivedFrom("Part::Datum"):
         return False
     if not shape.Edges:
         return bool(shape.Vertexes)
@@ -279,27 +354,38 @@ def is_drawing(ref):
 
 
 def _only_part(drawing):
-    """The part of a drawing that was selected alone: its body, else the only solid of the document."""
-    item = drawing.item
+    """The part of a drawing that was selected alone: its body, else the only solid of its container or of the document."""
     for body in (ref for ref in _bodies_above(drawing) if _has_faces(ref)):
         return body
-    solids = []
-    for other in item.Document.Objects:
-        is_feature = other.isDerivedFrom("Part::Feature") and not other.isDerivedFrom("PartDesign::Feature")
-        if is_feature and other != item and _is_shown(other):
-            ref = Ref.of(other)
-            shape = ref.shape()
-            if isinstance(shape, Part.Shape) and not shape.isNull() and shape.Solids:
-                solids.append(ref)
+    # In the drawing's own containers first: other instances of them may show the same part elsewhere.
+    for container in _above(drawing):
+        inside = getattr(_linked(container.item), "Group", [])
+        solids = [ref for ref in (container.inside(item) for item in inside) if _is_solid(ref)]
+        if solids:
+            return solids[0] if len(solids) == 1 else None
+    item = drawing.item
+    solids = [ref for ref in (Ref.of(other) for other in item.Document.Objects if other != item) if _is_solid(ref)]
     return solids[0] if len(solids) == 1 else None
 
 
+def _is_solid(ref):
+    """Whether the object is shown and is a solid of its own, rather than a feature of a body."""
+    item = ref.item
+    if not item.isDerivedFrom("Part::Feature") or item.isDerivedFrom("PartDesign::Feature") or not _is_shown(item):
+        return False
+    shape = ref.shape()
+    return isinstance(shape, Part.Shape) and not shape.isNull() and bool(shape.Solids)
+
+
+def _above(ref):
+    """The containers of an object, from the innermost on."""
+    names = ref.path.rstrip(".").split(".") if ref.path else []
+    for count in range(len(names) - 1, -1, -1):
+        yield Ref(ref._top(), "".join(name + "." for name in names[:count]))
+
+
 def _bodies_above(ref):
-    names = ref.path.rstrip(".").split(".")[:-1] if ref.path else []
-    for count in range(len(names), -1, -1):
-        above = Ref(ref._top(), "".join(name + "." for name in names[:count]))
-        if above != ref and above.item.isDerivedFrom("PartDesign::Body"):
-            yield above
+    return (above for above in _above(ref) if _is_body(above.item))
 
 
 def _is_shown(item):

@@ -2,7 +2,6 @@
 """Writes drawings as DXF R2000 in mm: polylines with arcs, and points."""
 
 import math
-import unicodedata
 
 
 class Path:
@@ -61,10 +60,19 @@ def _extremes(start, end, bulge):
 
 
 def layer_name(text):
-    """A layer name that every program reads: ASCII letters, digits, `_`, `-`, at most 60 characters."""
-    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode("ascii")
-    name = "".join(c if c.isalnum() or c in "_-" else "_" for c in plain).strip("_")
-    return name[:60] or "MARK"
+    """A layer name without the characters that DXF forbids, at most 60 letters."""
+    name = "".join("_" if c in '<>/\\":;?*|=,`' or ord(c) < 32 else c for c in text)
+    return name[:60].strip() or "MARK"
+
+
+def _escaped(text):
+    """Text in ASCII, with other letters as `\\U+XXXX`; `_` replaces letters that need more than four digits."""
+    def letter(c):
+        if " " <= c <= "~":
+            return c
+        return "\\U+%04X" % ord(c) if 0xA0 <= ord(c) <= 0xFFFF else "_"
+
+    return "".join(letter(c) for c in text)
 
 
 _LINE_TYPES, _LAYERS, _STYLES, _APPLICATIONS, _DIMENSIONS, _RECORDS = 0x5, 0x2, 0x3, 0x9, 0xA, 0x1
@@ -94,7 +102,7 @@ class _File:
     def entry(self, kind, name_of_class, table, name):
         self.put((0, kind))
         self.handle(table)
-        self.put((100, "AcDbSymbolTableRecord"), (100, name_of_class), (2, name), (70, 0))
+        self.put((100, "AcDbSymbolTableRecord"), (100, name_of_class), (2, _escaped(name)), (70, 0))
 
     def end_table(self):
         self.put((0, "ENDTAB"))
@@ -190,7 +198,7 @@ def _entity(file, path):
     is_point = len(path.corners) == 1
     file.put((0, "POINT" if is_point else "LWPOLYLINE"))
     file.handle(_MODEL)
-    file.put((100, "AcDbEntity"), (8, layer_name(path.layer)))
+    file.put((100, "AcDbEntity"), (8, _escaped(layer_name(path.layer))))
     if is_point:
         x, y, _ = path.corners[0]
         file.put((100, "AcDbPoint"), (10, _number(x)), (20, _number(y)), (30, "0.0"))

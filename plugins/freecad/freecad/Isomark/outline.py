@@ -7,6 +7,7 @@ import Part
 
 from .chain import chained
 from .dxf import Path, bulge_of
+from .frame import dot, scaled, subtract, unit
 from .wording import Trouble, translate
 
 #: How far a polyline may be from a curve that is no line or arc, mm.
@@ -23,33 +24,55 @@ def paths_of(shape, layer, frame):
     Raises `Trouble` when the shape is not flat in the frame's plane or a plane parallel to it.
     """
     heights = []
-    groups, in_faces = [], set()
+    groups, in_faces = [], _Shapes()
     for face in shape.Faces:
         for wire in face.Wires:
             groups.append(wire.Edges)
-            in_faces.update(edge.hashCode() for edge in wire.Edges)
-    groups.append([edge for edge in shape.Edges if edge.hashCode() not in in_faces])
+            for edge in wire.Edges:
+                in_faces.add(edge)
+    groups.append([edge for edge in shape.Edges if edge not in in_faces])
     paths = []
     for edges in groups:
         pieces = [piece for piece in (_piece(edge, frame, heights) for edge in edges) if piece]
         paths += [Path(layer, corners, closed) for corners, closed in chained(pieces)]
-    ends = {vertex.hashCode() for edge in shape.Edges for vertex in edge.Vertexes}
+    ends = _Shapes()
+    for edge in shape.Edges:
+        for vertex in edge.Vertexes:
+            ends.add(vertex)
     for vertex in shape.Vertexes:
-        if vertex.hashCode() not in ends:
+        if vertex not in ends:
             x, y, height = frame.local(tuple(vertex.Point))
             heights.append(height)
             paths.append(Path(layer, [(x, y, 0.0)]))
     if heights and max(heights) - min(heights) > FLAT:
-        raise Trouble(
-            translate(
-                "Isomark",
-                "The drawing {name} is not flat: its lines differ by {depth:.2f} mm in depth.",
-                name=layer,
-                depth=max(heights) - min(heights),
-            ),
-            translate("Isomark", "Choose a drawing that is in one plane, such as a sketch."),
-        )
+        raise _not_flat(shape, layer, max(heights) - min(heights))
     return paths
+
+
+def _not_flat(shape, name, depth):
+    if shape.findPlane(FLAT) is None:
+        what = translate(
+            "Isomark", "The drawing {name} is not flat: its lines differ by {depth:.2f} mm in depth.", name=name, depth=depth
+        )
+        return Trouble(what, translate("Isomark", "Choose a drawing that is in one plane, such as a sketch."))
+    return Trouble(
+        translate("Isomark", "The drawing {name} is in another plane than the first one that is selected.", name=name),
+        translate("Isomark", "Select drawings in the same plane or in parallel planes, and mark the others on their own."),
+    )
+
+
+class _Shapes:
+    """A set of shapes. Different shapes may have the same hash, so that it alone would lose lines."""
+
+    def __init__(self):
+        self._with_hash = {}
+
+    def add(self, shape):
+        if shape not in self:
+            self._with_hash.setdefault(shape.hashCode(), []).append(shape)
+
+    def __contains__(self, shape):
+        return any(shape.isSame(other) for other in self._with_hash.get(shape.hashCode(), ()))
 
 
 def _piece(edge, frame, heights):
@@ -89,6 +112,24 @@ def _arc(edge, first, last, frame, local):
     bulge = bulge_of(turn / count)
     corners = [local(edge.valueAt(first + number * step)) + (bulge,) for number in range(count)]
     return corners + [local(edge.valueAt(last)) + (0.0,)]
+
+
+def direction_of(shape):
+    """The direction of a shape whose lines are all on one straight line; `None` for others."""
+    straight = ("Part::GeomLine", "Part::GeomLineSegment")
+    if any(edge.Length >= SHORTEST and edge.Curve.TypeId not in straight for edge in shape.Edges):
+        return None
+    points = [tuple(vertex.Point) for vertex in shape.Vertexes]
+    farthest = max(points, key=lambda point: math.dist(point, points[0]))
+    if math.dist(farthest, points[0]) < SHORTEST:
+        return None
+    along = unit(subtract(farthest, points[0]))
+    for point in points:
+        away = subtract(point, points[0])
+        across = subtract(away, scaled(along, dot(away, along)))
+        if dot(across, across) > FLAT**2:
+            return None
+    return along
 
 
 def plane_of(shape):

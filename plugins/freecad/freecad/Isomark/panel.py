@@ -10,9 +10,8 @@ from PySide import QtCore, QtGui
 
 from . import choice, job, mark, part, program, settings, station
 from .child import Background, Child
-from .frame import dot
 from .overlay import Overlay
-from .wording import Trouble, translate
+from .wording import Trouble, dividable, translate
 
 #: Pause after the last change before the drawing is corrected again, ms.
 SETTLE_MS = 300
@@ -51,6 +50,8 @@ class Panel:
         self.made = None
         self.frame = None
         self.result = None
+        #: The part and the drawing that the names of product and drawing were made for.
+        self._named = ("", "")
         self.sending = Sending(self)
         self.form = QtGui.QWidget()
         self.form.setObjectName("IsomarkPanel")
@@ -88,12 +89,12 @@ class Panel:
             translate("Isomark", "A DXF file or a picture as the drawing, at the clicked point")
         )
         what.addRow(row)
-        self.rotate = QtGui.QDoubleSpinBox()
+        self.rotate = _Number()
         self.rotate.setRange(-360.0, 360.0)
         self.rotate.setSuffix("°")
         self.rotate.valueChanged.connect(self.changed)
         what.addRow(translate("Isomark", "Rotate"), self.rotate)
-        self.width = QtGui.QDoubleSpinBox()
+        self.width = _Number()
         self.width.setRange(0.0, 10000.0)
         self.width.setSuffix(" mm")
         self.width.setSpecialValueText(translate("Isomark", "as in the file"))
@@ -267,7 +268,7 @@ class Panel:
 
     def choose_file(self):
         """Asks for a file as the drawing."""
-        kinds = " ".join("*" + ending for ending in choice.DRAWINGS)
+        kinds = " ".join("*" + ending for ending in station.DRAWINGS)
         path, _ = QtGui.QFileDialog.getOpenFileName(
             self.form,
             translate("Isomark", "Choose a drawing"),
@@ -289,18 +290,32 @@ class Panel:
         """The names and the side that follow from what is chosen."""
         try:
             self.other_side.setChecked(bool(self.choice.drawing) and self.choice.suggests_other_side())
-            document = FreeCAD.getDocument(self.document)
-            if self.choice.part is not None and document.FileName:
-                stem = os.path.splitext(os.path.basename(document.FileName))[0]
-                self.product.setText(station.plain_name("%s-%s" % (stem, self.choice.part.label)))
-            if self.choice.file:
-                stem = os.path.splitext(os.path.basename(self.choice.file))[0]
-                self.drawing_name.setText(station.plain_name(stem))
-            elif self.choice.drawing:
-                self.drawing_name.setText(station.plain_name(self.choice.drawing[0].label))
+            named = self._named
+            self._named = (
+                self.choice.part.names() if self.choice.part else "",
+                self.choice.file or "".join(ref.names() for ref in self.choice.drawing[:1]),
+            )
+            # What the user entered stays as long as it is for the same part or the same drawing.
+            if self._named[0] != named[0] or not self.product.text().strip():
+                self.product.setText(self._product_name())
+            if self._named[1] != named[1] or not self.drawing_name.text().strip():
+                self.drawing_name.setText(self._name_of_drawing())
         except (Trouble, SHAPE_ERRORS):
             # `correct` shows it.
             pass
+
+    def _product_name(self):
+        """The name of the document and the part; empty for a document without a name."""
+        document = FreeCAD.getDocument(self.document)
+        if self.choice.part is None or not document.FileName:
+            return ""
+        stem = os.path.splitext(os.path.basename(document.FileName))[0]
+        return station.plain_name("%s-%s" % (stem, self.choice.part.label))
+
+    def _name_of_drawing(self):
+        if self.choice.file:
+            return station.plain_name(os.path.splitext(os.path.basename(self.choice.file))[0])
+        return station.plain_name(self.choice.drawing[0].label) if self.choice.drawing else ""
 
     def _show_choice(self):
         nothing = translate("Isomark", "nothing selected")
@@ -417,9 +432,9 @@ class Panel:
             except Trouble as trouble:
                 self._trouble(trouble)
 
-        def failed(words):
+        def failed(words, remedy):
             self.child = None
-            self._trouble(Trouble(words, program.install_remedy()))
+            self._trouble(Trouble(words, remedy))
 
         self.child = Child(path, run.arguments, done, failed, self.folder.path)
 
@@ -439,21 +454,9 @@ class Panel:
         self.message.setVisible(bool(lines))
 
     def _side(self, report):
-        """A warning if isomark marks another side than the one that the drawing faces."""
-        facing = (report.get("placement") or {}).get("facing") or self.frame.z
-        if dot(facing, self.frame.z) > 0.999:
-            return []
-        return [
-            _line(
-                True,
-                translate("Isomark", "The mark is on another side of the part than the drawing."),
-                translate(
-                    "Isomark",
-                    "Remove facing, roll_deg and frame from the settings of this product, or install a newer isomark, "
-                    "which supports marking frames.",
-                ),
-            )
-        ]
+        """A warning if isomark marks another place of the part than that of the drawing."""
+        words = station.frame_words(report, self.frame)
+        return [_line(True, *words)] if words else []
 
     def _trouble(self, trouble):
         """Shows why there is no result."""
@@ -472,7 +475,7 @@ class Panel:
 
     def keep(self):
         """Keeps the mark in the document."""
-        if self.result is None:
+        if self.result is None or self._timer.isActive():
             self._trouble(
                 Trouble(
                     translate("Isomark", "There is no mark to keep."),
@@ -548,11 +551,25 @@ class Panel:
             except Trouble as trouble:
                 self._say(self.version, trouble.what, trouble.remedy, True)
 
-        def failed(words):
+        def failed(words, remedy):
             self.tester = None
-            self._say(self.version, words, program.install_remedy(), True)
+            self._say(self.version, words, remedy, True)
 
         self.tester = Child(path, ["--version"], done, failed, self.folder.path, limit_s=10.0)
+
+
+class _Number(QtGui.QDoubleSpinBox):
+    """A number with a decimal point or a decimal comma: the separator of the other languages is no group separator."""
+
+    def validate(self, text, position):
+        return super().validate(self._own(text), position)
+
+    def valueFromText(self, text):
+        return super().valueFromText(self._own(text))
+
+    def _own(self, text):
+        point = str(self.locale().decimalPoint())
+        return text.replace(",", point).replace(".", point)
 
 
 class _Message(QtGui.QLabel):
@@ -581,6 +598,10 @@ class Sending:
         self.asked = None
         self.answer = None
         self.station = None
+        #: The marking frame of what was sent.
+        self.frame = None
+        #: What is sent when the user clicks again, after a question.
+        self.asked_about = None
         self.waiting = ("", "")
         self.since_status = 0.0
         self.timer = QtCore.QTimer()
@@ -623,14 +644,22 @@ class Sending:
                 )
             self.station = station.open_station(panel.station.text())
             names = station.drop_names(product, drawing, panel.made.ending)
-            data = (panel.made.part, station.sidecar(panel.options()), panel.made.drawing)
+            settings_file = station.sidecar(panel.options(), panel.frame)
+            data = (panel.made.part, settings_file, panel.made.drawing)
+            self.frame = panel.frame
         except Trouble as trouble:
             self._show(trouble.what, trouble.remedy, True)
             return
         panel.send_button.setEnabled(False)
         self._show(translate("Isomark", "Sending…"))
+        what = (product, drawing, str(settings_file))
+        is_confirmed, self.asked_about = self.asked_about == what, None
 
         def work():
+            station.refuse_another_frame(self.station.hot, names, settings_file)
+            others = [] if is_confirmed else station.placed_elsewhere(self.station, product, names[2], self.frame)
+            if others:
+                raise _Elsewhere(what, others)
             answer = station.Answer(self.station, product, names[0], names[2])
             station.send(self.station.hot, list(zip(names, data)))
             return answer
@@ -648,12 +677,23 @@ class Sending:
     def _sent(self, answer, error):
         self.work = None
         self.panel.send_button.setEnabled(True)
+        if isinstance(error, _Elsewhere):
+            self.asked_about = error.sending
         if error is not None:
             self._show(str(getattr(error, "what", error)), getattr(error, "remedy", ""), True)
             return
         self.answer = answer
         self.waiting = ("", "")
         self.since_status = 0.0
+        if not answer.can_be_seen():
+            self._show(
+                translate("Isomark", "Sent: {name}. The station's answer cannot be shown here.", name=answer.drawing),
+                translate(
+                    "Isomark",
+                    "Choose the station.toml of your station: the folders reports and rejected are not beside the hot folder.",
+                ),
+            )
+            return
         self._show(translate("Isomark", "Sent. Waiting for the station."))
         self.timer.start(int(LOOK_S * 1000))
 
@@ -664,7 +704,7 @@ class Sending:
         self.since_status += LOOK_S
         if self.since_status >= 2.0 * LOOK_S and self.asked is None and self.station.file:
             self.since_status = LOOK_S - STATUS_S
-            self._ask()
+            self._ask(self._wait)
 
     def _seen(self, state, error):
         self.work = None
@@ -678,52 +718,85 @@ class Sending:
             words = translate("Isomark", "Delivered: {name}.", name=self.answer.drawing)
             if after is not None:
                 words += " " + translate("Isomark", "Length error {error:.3f} mm.", error=after)
-            self._show(words)
+            wrong = station.frame_words(document, self.frame)
+            if wrong:
+                self._show(words + " " + wrong[0], wrong[1], True)
+            else:
+                self._show(words)
         elif state == station.REJECTED:
             self.timer.stop()
             words = translate("Isomark", "Rejected: {what}", what=document.get("what", ""))
             self._show(words, document.get("remedy", ""), True)
         elif state == station.FILED:
             self.timer.stop()
-            self._show(
-                translate(
-                    "Isomark", "The station filed the drawing without delivering it: it delivered the same before."
-                ),
-                translate("Isomark", "To deliver it again, use `isomark retry` with the drawing's name."),
-            )
+            if self.station.file:
+                self._ask(lambda status: self._show(*station.filed_words(status, self.answer.drawing), wrong=True))
+            else:
+                self._show(*station.filed_words({}, self.answer.drawing), wrong=True)
+            return
         else:
             self._show(translate("Isomark", "Waiting.") + " " + self.waiting[0], self.waiting[1])
         if state != station.WAITING and self.asked is not None:
             self.asked.kill()
             self.asked = None
 
-    def _ask(self):
-        """Asks the station why it waits."""
+    def _wait(self, status):
+        """Keeps why the station waits."""
+        self.waiting = station.waiting_words(status, self.answer.drops)
+
+    def _ask(self, use):
+        """Asks the station for its status, and gives it to a function."""
+        if self.asked is not None:
+            self.asked.kill()
+            self.asked = None
+
+        def no_status(what, remedy):
+            self.waiting = (what, remedy)
+            # A drawing that was filed waits for nothing.
+            if not self.timer.isActive():
+                self._show(what, remedy, True)
 
         def done(_code, output, errors):
             self.asked = None
             try:
                 status = program.answer(0, output, errors)
-                if status.get("schema", "").startswith("isomark.status/"):
-                    self.waiting = station.waiting_words(status, self.answer.drops)
-                else:
-                    self.waiting = (status.get("what", ""), status.get("remedy", ""))
             except Trouble as trouble:
-                self.waiting = (trouble.what, trouble.remedy)
+                no_status(trouble.what, trouble.remedy)
+                return
+            if status.get("schema", "").startswith("isomark.status/"):
+                use(status)
+            else:
+                no_status(status.get("what", ""), status.get("remedy", ""))
 
-        def failed(words):
+        def failed(words, remedy):
             self.asked = None
-            self.waiting = (words, "")
+            no_status(words, remedy)
 
         try:
             path = program.find(self.panel.program.text())
         except Trouble as trouble:
-            self.waiting = (trouble.what, trouble.remedy)
+            no_status(trouble.what, trouble.remedy)
             return
         self.asked = Child(path, ["status", self.station.file, "--json"], done, failed, limit_s=20.0)
 
     def _show(self, what, remedy="", wrong=False):
         self.panel._say(self.panel.answer, what, remedy, wrong)
+
+
+class _Elsewhere(Trouble):
+    """Other drawings of the product are placed with another frame: a question, which a second click answers."""
+
+    def __init__(self, sending, others):
+        super().__init__(
+            translate(
+                "Isomark",
+                "Not sent yet. Of this product, {names} has another plane or origin. If you send this drawing, a later "
+                "correction of {names} moves its mark.",
+                names=", ".join(others[:3]) + (", …" if others[3:] else ""),
+            ),
+            translate("Isomark", "Enter another product for this drawing, or click again to send it all the same."),
+        )
+        self.sending = sending
 
 
 class _Observer:
@@ -763,5 +836,5 @@ def _of_freecad(error):
 def _line(wrong, what, remedy=""):
     """A paragraph: what is the case, and what to do about it."""
     sign = "⚠ " if wrong else ""
-    remedy = "<br/><i>%s</i>" % html.escape(remedy) if remedy else ""
-    return "<p>%s%s%s</p>" % (sign, html.escape(what), remedy)
+    remedy = "<br/><i>%s</i>" % html.escape(dividable(remedy)) if remedy else ""
+    return "<p>%s%s%s</p>" % (sign, html.escape(dividable(what)), remedy)

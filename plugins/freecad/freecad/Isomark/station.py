@@ -9,12 +9,15 @@ import time
 import unicodedata
 import uuid
 
+from .frame import dot, subtract
 from .wording import Trouble, translate
 
 #: The longest name that the station accepts, in bytes.
 _LONGEST = 230
 _PREFIX = ".isomark-freecad-"
 _FORBIDDEN = '/\\:*?"<>|@'
+#: Endings of drawings that isomark reads.
+DRAWINGS = (".dxf", ".svg", ".png", ".bmp")
 
 
 class Station:
@@ -108,15 +111,23 @@ def check_name(name, what):
 
 
 def plain_name(text):
-    """A name made of a text that the station accepts."""
-    name = re.sub(r"[\s%s]+" % re.escape(_FORBIDDEN), "-", text).strip("-. ")
-    name = "".join(c for c in name if ord(c) >= 32)
-    return name[:60].rstrip("-. ") if name and (name[0].isalnum() or name[0] == "_") else name.lstrip("-.~")[:60]
+    """A name made of a text that the station accepts; empty if nothing is left."""
+    name = re.sub(r"[\s%s]+" % re.escape(_FORBIDDEN), "-", text)
+    name = "".join(c for c in name if ord(c) >= 32).lstrip("-.~ ")[:60].rstrip("-. ")
+    return name if not name or name[0].isalnum() or name[0] == "_" else ("_" + name)[:60]
 
 
-def sidecar(options):
-    """The settings of a drawing as a file beside it."""
-    lines = ["[placement]", 'anchor = "%s"' % options.get("anchor", "origin")]
+#: How far two frames may differ and be the same: their origins in mm, their axes as the cosine of the angle.
+SAME_ORIGIN, SAME_AXIS = 0.02, 0.999999
+#: The start of the line that names the frame of a drawing in its settings, for the plugins of other programs, too.
+_FRAME_LINE = "# isomark frame: "
+
+
+def sidecar(options, frame):
+    """The settings of a drawing as a file beside it; a comment names its marking frame."""
+    numbers = [round(number, 4) + 0.0 for axis in (frame.origin, frame.z, frame.x) for number in axis]
+    lines = [_FRAME_LINE + " ".join("%.4f" % number for number in numbers)]
+    lines += ["[placement]", 'anchor = "%s"' % options.get("anchor", "origin")]
     lines.append("rotate_deg = %g" % options.get("rotate_deg", 0.0))
     if options.get("width_mm"):
         lines += ["", "[pattern]", "width_mm = %g" % options["width_mm"]]
@@ -132,6 +143,106 @@ def drop_names(product, drawing, ending):
             translate("Isomark", "Enter shorter names."),
         )
     return product + ".glb", stem + ".toml", stem + ending
+
+
+def refuse_another_frame(hot, names, settings):
+    """Raises `Trouble` while another drawing of the product waits in the hot folder with another marking frame.
+
+    The frame belongs to the part, and the newer part would replace the one that the other drawing was sent with. `names`
+    are those of `drop_names`, `settings` is the sidecar.
+    """
+    start = _key(os.path.splitext(names[0])[0] + "@")
+    own, ours = _key(os.path.splitext(names[1])[0]), _frame_line(settings)
+    try:
+        there = os.listdir(hot)
+    except OSError:
+        # `send` states it.
+        return
+    stems = {_key(os.path.splitext(name)[0]) for name in there if name.lower().endswith(DRAWINGS)}
+    for name in sorted(there):
+        stem, ending = os.path.splitext(_key(name))
+        if ending != ".toml" or not stem.startswith(start) or stem == own or stem not in stems:
+            continue
+        try:
+            with open(os.path.join(hot, name), "rb") as file:
+                theirs = _frame_line(file.read(10000))
+        except OSError:
+            # The station took it.
+            continue
+        if theirs not in (None, ours):
+            raise Trouble(
+                translate(
+                    "Isomark",
+                    "The drawing {name} of the same product still waits in the hot folder, and it has another plane or "
+                    "origin. Sent now, this drawing would move its mark.",
+                    name=os.path.splitext(name)[0],
+                ),
+                translate("Isomark", "Wait until the station delivered it, or enter another product for this drawing."),
+            )
+
+
+def _frame_line(settings):
+    for line in settings.decode("utf-8", "replace").splitlines():
+        if line.startswith(_FRAME_LINE):
+            return line
+    return None
+
+
+#: The most reports that are read to find drawings with another frame.
+_MOST_REPORTS = 100
+
+
+def placed_elsewhere(station, product, drawing, frame):
+    """The delivered drawings of the product, without this one, that were placed with another marking frame.
+
+    The part with the new frame makes them outdated, and a correction would move their marks.
+    """
+    ending = ".report.json"
+    try:
+        reports = [entry for entry in os.scandir(os.path.join(station.reports, _key(product)))]
+        reports = [entry for entry in reports if entry.name.endswith(ending) and entry.name != drawing + ending]
+        reports.sort(key=lambda entry: entry.stat().st_mtime, reverse=True)
+    except OSError:
+        return []
+    found = []
+    for entry in reports[:_MOST_REPORTS]:
+        used = ((_json(entry.path) or {}).get("placement") or {}).get("frame") or {}
+        if used.get("source") == "part" and not _is_same(used, frame):
+            found.append(entry.name[: -len(ending)])
+    return found
+
+
+def _is_same(used, frame):
+    """Whether a frame in a report is this one."""
+    away = subtract(used["origin_mm"], frame.origin)
+    axes = min(dot(used["z"], frame.z), dot(used["x"], frame.x))
+    return dot(away, away) <= SAME_ORIGIN**2 and axes >= SAME_AXIS
+
+
+def frame_words(report, frame):
+    """What is wrong if isomark placed the drawing with another frame than this, and what to do; otherwise `None`."""
+    placement = report.get("placement") or {}
+    used = placement.get("frame")
+    if dot(placement.get("facing") or frame.z, frame.z) <= 0.999:
+        what = translate("Isomark", "The mark is on another side of the part than the drawing.")
+    elif used is None or used.get("source") != "part":
+        what = translate("Isomark", "The mark may be at another place than the drawing: its plane was not used.")
+    elif _is_same(used, frame):
+        return None
+    else:
+        return (
+            translate(
+                "Isomark",
+                "The mark is at another place than the drawing: another drawing of this product was sent, with another "
+                "plane or origin.",
+            ),
+            translate("Isomark", "Do not mark it. Enter another product for this drawing, and send it again."),
+        )
+    return what, translate(
+        "Isomark",
+        "Remove facing, roll_deg and frame from the settings of this product, or install a newer isomark, which supports "
+        "marking frames.",
+    )
 
 
 def send(hot, files):
@@ -228,6 +339,10 @@ class Answer:
         self.reasons_before = {path: _stamp(path) for path in self._reasons()}
         self.gone_since = None
 
+    def can_be_seen(self):
+        """Whether the station's folders are known: those of its settings, or beside the hot folder."""
+        return bool(self.station.file) or os.path.isdir(self.station.reports) or os.path.isdir(self.station.rejected)
+
     def look(self):
         """The state, and the report or reason that belongs to it."""
         if _stamp(self.report) not in (None, self.report_before):
@@ -287,6 +402,40 @@ def _json(path):
     return document if isinstance(document, dict) else None
 
 
+def filed_words(status, drawing):
+    """What became of a drawing that left the hot folder without a report or a reason: a sentence and a remedy.
+
+    `status` is the station's status, or empty if it cannot be asked.
+    """
+    entries = status.get("finished") or []
+    result = next((entry.get("result") for entry in entries if entry.get("drop") == drawing), None)
+    if result == "repeated":
+        return (
+            translate("Isomark", "The station filed the drawing without delivering it: it delivered the same before."),
+            translate("Isomark", "To deliver it again, use `isomark retry` with the drawing's name."),
+        )
+    if result in ("delivered", "delivered-again"):
+        return translate("Isomark", "The station delivered the drawing. Its report is not in the folder reports."), ""
+    if result == "uncertain":
+        return _uncertain_words()
+    if result == "handed-over":
+        return (
+            translate("Isomark", "The station handed the drawing over to its line. It is not known here whether it is delivered."),
+            translate("Isomark", "Run `isomark fleet status` to see the line."),
+        )
+    return (
+        translate("Isomark", "The drawing left the hot folder, and no report and no reason was found."),
+        translate("Isomark", "Check the import folder, or run `isomark status` for the station."),
+    )
+
+
+def _uncertain_words():
+    return (
+        translate("Isomark", "It is not known whether the drawing was delivered."),
+        translate("Isomark", "Check the import folder, and run `isomark retry` with the drawing's name."),
+    )
+
+
 def waiting_words(status, drops):
     """What the drops wait for, from the station's status: a sentence and a remedy, which may be empty."""
     state = status.get("state")
@@ -307,10 +456,7 @@ def waiting_words(status, drops):
                 return reason.get("what", ""), reason.get("remedy", "")
     for entry in (status.get("uncertain") or {}).get("first", []):
         if entry.get("drop") in drops:
-            return (
-                translate("Isomark", "It is not known whether the drawing was delivered."),
-                translate("Isomark", "Check the import folder, and run `isomark retry` with the drawing's name."),
-            )
+            return _uncertain_words()
     if any(entry.get("drop") in drops for entry in status.get("under_way", [])):
         return translate("Isomark", "The station is working on the drawing."), ""
     return translate("Isomark", "The station has not looked at the drawing yet."), ""
