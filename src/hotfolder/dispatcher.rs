@@ -156,9 +156,11 @@ pub fn run(
             stopped: None,
         };
         executor.parking.restore(&station.folders);
-        dispatcher.introduce();
-        executor.warn_of_older_form();
-        pulse(Pulse::Ready);
+        if dispatcher.holds_hot() {
+            dispatcher.introduce();
+            executor.warn_of_older_form();
+            pulse(Pulse::Ready);
+        }
         dispatcher.work_until_done(pulse);
         pulse(Pulse::Stopping);
         dispatcher.log_unclaimed(Moment::MAX);

@@ -169,7 +169,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     }
 
     /// Whether no other station uses the hot folder; if one does, this station ends.
-    fn holds_hot(&mut self) -> bool {
+    pub(super) fn holds_hot(&mut self) -> bool {
         let hot = &self.settings.station().folders.hot;
         if self.hot_lock.as_ref().is_none_or(|lock| lock.identity != folders::identity(hot)) {
             self.hot_lock = None;
