@@ -28,6 +28,9 @@ const UNREAD_DRAWINGS: &[&str] = &["ai", "cdr", "dwf", "dwg", "dxb", "emf", "eps
 /// Extensions of pictures that isomark does not read, in lower case.
 const UNREAD_PICTURES: &[&str] = &["gif", "heic", "jpeg", "jpg", "psd", "tif", "tiff", "webp", "xcf"];
 
+/// Extensions of tables that isomark does not read, in lower case.
+const UNREAD_TABLES: &[&str] = &["numbers", "ods", "xls", "xlsb", "xlsm", "xlsx"];
+
 /// Extensions of archives, in lower case.
 const ARCHIVES: &[&str] = &["7z", "gz", "rar", "tar", "tgz", "zip"];
 
@@ -214,6 +217,12 @@ fn unknown_kind(name: &str, extension: &str) -> Reason {
         )
     } else if UNREAD_PICTURES.contains(&extension) {
         (format!("isomark does not read .{extension} files."), "Save the picture as .png or .bmp.".to_owned())
+    } else if UNREAD_TABLES.contains(&extension) {
+        (
+            format!("isomark does not read .{extension} files."),
+            "Save the table as CSV in UTF-8. A list of products needs the name of its drawing: can@label.csv, dropped before can@label.dxf."
+                .to_owned(),
+        )
     } else if ARCHIVES.contains(&extension) {
         (
             format!("isomark does not read .{extension} files."),
@@ -354,6 +363,11 @@ mod tests {
             ("can@logo.dwg", "Export the drawing as .dxf or .svg."),
             ("can@logo.jpg", "Save the picture as .png or .bmp."),
             ("can.zip", "Unpack the file, and drop the parts and drawings in it."),
+            (
+                "can@label.XLSX",
+                "Save the table as CSV in UTF-8. A list of products needs the name of its drawing: can@label.csv, dropped before \
+                 can@label.dxf.",
+            ),
         ] {
             let reason = meaning(Path::new(name)).unwrap_err();
             let extension = name.rsplit_once('.').unwrap().1.to_lowercase();
