@@ -112,9 +112,10 @@ impl Station {
 
     fn take(&mut self) {
         for name in self.names("import") {
-            let bytes = fs::read(self.path("import").join(&name)).unwrap();
-            fs::remove_file(self.path("import").join(&name)).unwrap();
-            self.taken.push((name, bytes));
+            // Wine keeps a removed file that the station still has open, so it would be taken twice.
+            let taken = self.path("outside").join(format!("{}-{name}", self.taken.len()));
+            fs::rename(self.path("import").join(&name), &taken).unwrap();
+            self.taken.push((name, fs::read(taken).unwrap()));
         }
     }
 
