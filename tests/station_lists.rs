@@ -112,9 +112,10 @@ impl Station {
 
     fn take(&mut self) {
         for name in self.names("import") {
-            let bytes = fs::read(self.path("import").join(&name)).unwrap();
-            fs::remove_file(self.path("import").join(&name)).unwrap();
-            self.taken.push((name, bytes));
+            // Wine keeps a removed file that the station still has open, so it would be taken twice.
+            let taken = self.path("outside").join(format!("{}-{name}", self.taken.len()));
+            fs::rename(self.path("import").join(&name), &taken).unwrap();
+            self.taken.push((name, fs::read(taken).unwrap()));
         }
     }
 
@@ -311,6 +312,25 @@ fn a_list_waits_when_all_that_is_left_of_its_serial_numbers_is_damaged() {
     fs::remove_file(&note).unwrap();
     let log = station.once();
     assert_eq!(station.names("import"), ["trough@plate-000100.dxf"], "{log}");
+}
+
+/// A drawing in the folder of its SKU, whose rows would get names that are too long: a rejected list uses no numbers.
+#[test]
+fn a_list_is_rejected_before_its_rows_get_names_that_are_too_long() {
+    let station = Station::new("");
+    let folder = station.path("hot/trough");
+    fs::create_dir(&folder).unwrap();
+    // With its folder, the drawing has 230 bytes, as many as are accepted; each row has seven more.
+    let stem = format!("trough@{}", "x".repeat(230 - "trough/trough@.dxf".len()));
+    for (ending, text) in [("csv", list(0..2)), ("dxf", drawing())] {
+        fs::write(folder.join(format!("{stem}.{ending}")), text).unwrap();
+    }
+    let log = station.once();
+    let rejected: Vec<String> =
+        station.names("rejected/trough").into_iter().filter(|name| name.ends_with(".dxf")).collect();
+    assert_eq!(rejected, [format!("{stem}.dxf")], "{log}");
+    assert!(log.contains("The file's name is too long"), "{log}");
+    assert!(!station.path("archive/trough/serial-numbers.json").exists(), "{log}");
 }
 
 #[test]

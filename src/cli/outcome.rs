@@ -71,6 +71,7 @@ impl From<ConfigError> for Failure {
             ConfigError::Unreadable { file, source } if !wrong(source.kind()) && !file.is_dir() => {
                 Exit::Environment
             }
+            ConfigError::NoSkuFiles { source, .. } if !wrong(source.kind()) => Exit::Environment,
             _ => Exit::Usage,
         };
         Self { exit, reason: error.reason(), line: MarkedLine::of(&error) }

@@ -21,6 +21,13 @@ pub enum ConfigError {
         /// The system's error.
         source: std::io::Error,
     },
+    /// The folder of the SKU files does not exist or cannot be listed.
+    NoSkuFiles {
+        /// The folder.
+        folder: PathBuf,
+        /// The system's error.
+        source: std::io::Error,
+    },
     /// The file may still be written.
     BeingSaved {
         /// The file.
@@ -121,6 +128,7 @@ impl ConfigError {
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::Unreadable { file, .. } | Self::BeingSaved { file } => Some(file),
+            Self::NoSkuFiles { folder, .. } => Some(folder),
             _ => match self.spot()? {
                 Spot::File { file, .. } => Some(file),
                 Spot::Option(_) => None,
@@ -131,7 +139,7 @@ impl ConfigError {
     /// Where the mistake is; `None` for a file as a whole.
     pub fn spot(&self) -> Option<&Spot> {
         match self {
-            Self::Unreadable { .. } | Self::BeingSaved { .. } => None,
+            Self::Unreadable { .. } | Self::NoSkuFiles { .. } | Self::BeingSaved { .. } => None,
             Self::Syntax { spot, .. }
             | Self::UnknownKey { spot, .. }
             | Self::UnknownChoice { spot, .. }
@@ -156,7 +164,7 @@ impl ConfigError {
 
     fn code(&self) -> &'static str {
         match self {
-            Self::Unreadable { .. } => "settings-unreadable",
+            Self::Unreadable { .. } | Self::NoSkuFiles { .. } => "settings-unreadable",
             Self::BeingSaved { .. } => "settings-being-saved",
             Self::Syntax { .. } => "settings-syntax",
             Self::UnknownKey { .. } => "settings-unknown-key",
@@ -200,6 +208,12 @@ impl ConfigError {
                 format!("There is no file {}.", file.display())
             }
             Self::Unreadable { source, .. } => format!("The settings cannot be read: {source}."),
+            Self::NoSkuFiles { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                "The folder of the SKU files does not exist.".into()
+            }
+            Self::NoSkuFiles { source, .. } => {
+                format!("The folder of the SKU files cannot be listed: {source}.")
+            }
             Self::BeingSaved { .. } => "The settings may still be written.".into(),
             Self::Syntax { message, .. } if self.is_option() => {
                 format!("The value cannot be understood: {message}.")
@@ -236,6 +250,11 @@ impl ConfigError {
             }
             Self::Unreadable { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
                 "Check its name and its folder.".into()
+            }
+            Self::NoSkuFiles { .. } => {
+                "Connect its share, create it, or correct `skus` under [folders]. Until then, drawings of a SKU whose file was not read \
+                 before wait."
+                    .into()
             }
             Self::BeingSaved { .. } => "Wait: isomark reads them again in a moment.".into(),
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
@@ -389,7 +408,7 @@ fn without_syntax(text: &str) -> String {
 impl std::error::Error for ConfigError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
-            Self::Unreadable { source, .. } => Some(source),
+            Self::Unreadable { source, .. } | Self::NoSkuFiles { source, .. } => Some(source),
             _ => None,
         }
     }

@@ -339,7 +339,7 @@ impl LiveSettings {
 /// # Errors
 /// When the folder is missing or cannot be listed: its files may still exist.
 pub(crate) fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
-    let unreadable = |source| ConfigError::Unreadable { file: folder.into(), source };
+    let unreadable = |source| ConfigError::NoSkuFiles { folder: folder.into(), source };
     let mut files = BTreeMap::<Sku, PathBuf>::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

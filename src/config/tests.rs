@@ -463,10 +463,12 @@ fn sku_settings_that_vanish_for_a_moment_are_kept() {
         assert!(is_turned(&mut live));
         assert_eq!(live.take_events().len(), expected, "the missing folder is reported once");
     }
-    assert!(
-        LiveSettings::open(&file).unwrap().job(&sku).is_err(),
+    let reason = LiveSettings::open(&file).unwrap().job(&sku).unwrap_err().reason();
+    assert_eq!(
+        reason.what, "The folder of the SKU files does not exist.",
         "a job waits when no previous settings are known"
     );
+    assert!(reason.remedy.contains("drawings of a SKU whose file was not read before wait"), "{reason}");
     fs_err::rename(&away, &skus).unwrap();
     live.refresh_skus();
     assert!(matches!(live.take_events()[..], [SettingsEvent::Mended(_)]));

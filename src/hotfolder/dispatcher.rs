@@ -27,12 +27,12 @@ use crate::config::{
     ConfigError, FleetSettings, FolderPaths, JobSettings, LiveSettings, LogSettings, PageSettings,
     SettingsEvent, Sku, changed_settings,
 };
-use crate::hotfolder::api::{Corrector, Mode, Pulse, Tally};
+use crate::hotfolder::api::{Corrector, JobError, Mode, Pulse, Tally};
 use crate::hotfolder::error::{StationError, guarded};
 use crate::hotfolder::fleet::Fleet;
 use crate::hotfolder::jobs::{Executor, Keeper, Reprocessing, Unfiled, filing};
 use crate::hotfolder::page::Page;
-use crate::hotfolder::seen::{Drops, Message, Moment, SettleTimes, Signal, StopSignal, Watcher};
+use crate::hotfolder::seen::{Drops, Message, Moment, Obstacle, SettleTimes, Signal, StopSignal, Watcher};
 use crate::hotfolder::state::status::LISTED;
 use crate::hotfolder::state::{
     Delivered, HotLock, Journal, Request, Shares, StationLock, StatusBoard, UncertainDrawing, requests,
@@ -156,9 +156,11 @@ pub fn run(
             stopped: None,
         };
         executor.parking.restore(&station.folders);
-        dispatcher.introduce();
-        executor.warn_of_older_form();
-        pulse(Pulse::Ready);
+        if dispatcher.holds_hot() {
+            dispatcher.introduce();
+            executor.warn_of_older_form();
+            pulse(Pulse::Ready);
+        }
         dispatcher.work_until_done(pulse);
         pulse(Pulse::Stopping);
         dispatcher.log_unclaimed(Moment::MAX);
@@ -361,10 +363,20 @@ impl<C: Corrector> Dispatcher<'_, C> {
         tracing::info!("{} takes drops from {}", station.name, station.folders.hot.display());
     }
 
-    fn job_settings(&mut self, sku: &Sku) -> Result<JobSettings, ConfigError> {
+    /// The settings for a job on this SKU.
+    ///
+    /// # Errors
+    /// With what the job waits for, and why.
+    fn job_settings(&mut self, sku: &Sku) -> Result<JobSettings, (Obstacle, Reason)> {
+        if let Err(JobError::Retry(reason)) = self.executor.shares.skus_are_there(self.folders(), false) {
+            return Err((Obstacle::Other, reason));
+        }
         let settings = self.settings.job(sku);
         self.log_settings_events();
-        settings
+        settings.map_err(|error| match error {
+            ConfigError::BeingSaved { .. } => (Obstacle::SettingsBeingSaved, error.reason()),
+            _ => (Obstacle::Other, error.reason()),
+        })
     }
 
     fn folders(&self) -> &FolderPaths {

@@ -2297,7 +2297,7 @@ const CODES: &[Code] = &[
         "The hot folder accepts parts, scans, drawings (DXF, SVG) and pictures (PNG, BMP), and the files that belong to \
          them. The extension decides.",
         "Export the part as STEP, GLB, glTF, OBJ, STL, PLY, 3MF or a list of points, and the drawing as DXF or SVG. Save a \
-         picture as PNG or BMP, and unpack an archive.",
+         picture as PNG or BMP and a table as CSV, and unpack an archive.",
     ]),
     reason([
         "usage",

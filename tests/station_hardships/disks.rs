@@ -13,14 +13,18 @@ use super::{PART, SETTINGS, Station, drawing, line};
 
 const DROPS: usize = 20;
 
-/// A disk of 128 kB in memory, unmounted when this is dropped.
+/// A disk in memory, unmounted when this is dropped.
 struct Disk(PathBuf);
 
 impl Disk {
-    /// Mounts it on the folder; `None`, with a printed note, where that is not permitted.
+    /// Mounts a disk of 128 kB on the folder; `None`, with a printed note, where that is not permitted.
     fn on(folder: &Path) -> Option<Self> {
+        Self::of_size("128k", folder)
+    }
+
+    fn of_size(size: &str, folder: &Path) -> Option<Self> {
         fs::create_dir_all(folder).unwrap();
-        let arguments = ["-t", "tmpfs", "-o", "size=128k,mode=755", "isomark-test"];
+        let arguments = ["-t", "tmpfs", "-o", &format!("size={size},mode=755"), "isomark-test"];
         let output = Command::new("mount").args(arguments).arg(folder).stdin(Stdio::null()).output();
         match output {
             Ok(output) if output.status.success() => Some(Self(folder.into())),
@@ -284,6 +288,44 @@ fn drawings_wait_for_the_share_with_the_import_folder() {
     assert_eq!((fs::read_dir(&point).unwrap().count(), trial.in_hot()), (0, DROPS));
     let Some(_disk) = Disk::on(&point) else { return };
     trial.check_end();
+}
+
+/// In the mount point of a disconnected share, the settings of a SKU seem to be removed, and so does the part that another
+/// station fitted last: also to a station that starts later.
+#[test]
+fn drawings_wait_for_the_share_with_their_settings_or_surfaces() {
+    for folder in ["skus", "cache"] {
+        let station = Station::new();
+        let point = station.path(folder);
+        let Some(disk) = Disk::of_size("8m", &point) else { return };
+        fs::create_dir_all(station.path("skus")).unwrap();
+        let settings = station.path("skus/trough.toml");
+        // The middle of the drawing is at x = -1 mm where it was drawn.
+        let place = "[placement]\nplace_mm = [9, 0]\n";
+        fs::write(&settings, place).unwrap();
+        let mut trial = Trial::new(station);
+        drop(disk);
+        trial.station.rename_into("trough@a.dxf", square(0).as_bytes());
+        let warning = format!("trough@a.dxf waits: The {folder} folder ");
+        let warnings = |trial: &Trial| trial.log().matches(&warning).count();
+        trial.waits_for("a warning", |trial| warnings(trial) == 1);
+        trial.kill();
+        trial.start();
+        trial.waits_for("a warning", |trial| warnings(trial) == 2);
+        let listings = |trial: &Trial| trial.station.status().contains("is not mounted at");
+        trial.waits_for("a problem in the status", listings);
+        assert_eq!((trial.taken.len(), trial.in_hot()), (0, 1), "{folder}");
+        assert!(!trial.log().contains("using the changed settings"), "{}", trial.log());
+        let Some(_disk) = Disk::of_size("8m", &point) else { return };
+        fs::write(&settings, place).unwrap();
+        trial.waits_for("the drawing", |trial| trial.taken.len() == 1);
+        let text = String::from_utf8(trial.taken["trough@a.dxf"].clone()).unwrap();
+        let lines: Vec<&str> = text.lines().map(str::trim).collect();
+        let of_entities = lines.iter().position(|line| *line == "ENTITIES").unwrap();
+        let pairs = lines[of_entities..].windows(3).filter(|lines| lines[0] == "10" && lines[2] == "20");
+        let x: Vec<f64> = pairs.map(|lines| lines[1].parse().unwrap()).collect();
+        assert!(!x.is_empty() && x.iter().all(|x| (4.0..14.0).contains(x)), "{folder}: {x:?}");
+    }
 }
 
 /// Like a share that is disconnected and connected again several times during the work.

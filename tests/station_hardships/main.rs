@@ -203,6 +203,23 @@ fn a_name_that_is_not_valid_text_is_rejected_each_time() {
     }
 }
 
+/// It states that it takes drops only when it does.
+#[test]
+fn a_second_station_on_the_hot_folder_never_states_that_it_takes_drops() {
+    let mut station = Station::new();
+    let mut command = station.command(&["watch", "station.toml"]);
+    station.start(&mut command);
+    // A station writes its status after it has locked its hot folder.
+    station.waits_for("a status", |station| station.path("state/status.json").exists());
+    fs::write(station.path("other.toml"), SETTINGS.replace("[folders]\n", "[folders]\nstate = \"other\"\n"))
+        .unwrap();
+    let output = station.command(&["watch", "other.toml"]).stderr(Stdio::piped()).output().unwrap();
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{log}");
+    assert!(log.contains("Another station already uses the hot folder"), "{log}");
+    assert!(!log.contains("takes drops"), "{log}");
+}
+
 #[test]
 fn a_missing_import_folder_is_named() {
     let station = Station::new();

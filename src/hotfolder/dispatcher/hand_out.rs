@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::Dispatcher;
 use super::lanes::{LARGE, is_large};
 use super::threads::Running;
-use crate::config::{ConfigError, JobSettings, Sku};
+use crate::config::{JobSettings, Sku};
 use crate::formats::Pace;
 use crate::formats::pattern::is_picture;
 use crate::hotfolder::api::Corrector;
@@ -111,18 +111,14 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let settings = match work.sku().map(|sku| self.job_settings(sku)) {
             None => JobSettings::default(),
             Some(Ok(settings)) => settings,
-            Some(Err(error)) => {
+            Some(Err((obstacle, reason))) => {
                 if let Work::CorrectAgain { sku, name } = &work {
-                    return self.postpone_recorrection(sku, &delivered_as(name), error.reason());
+                    return self.postpone_recorrection(sku, &delivered_as(name), reason);
                 }
                 if let Work::Restore(sku) = &work {
                     return self.reprocessing.cannot_read(sku);
                 }
-                let obstacle = match error {
-                    ConfigError::BeingSaved { .. } => Obstacle::SettingsBeingSaved,
-                    _ => Obstacle::Other,
-                };
-                return self.retry_later(path, obstacle, error.reason());
+                return self.retry_later(path, obstacle, reason);
             }
         };
         let task = Task {

@@ -30,7 +30,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
     pub(super) fn list(&mut self) {
         let now = self.now();
         self.rounds.begin();
-        self.settings.refresh_skus();
+        // In an empty mount point, all SKU files would seem to be removed.
+        if self.executor.shares.skus_are_there(self.folders(), true).is_ok() {
+            self.settings.refresh_skus();
+        }
         self.log_settings_events();
         self.late.forget_before(now);
         let backend = self.backend();
@@ -86,13 +89,13 @@ impl<C: Corrector> Dispatcher<'_, C> {
         backend
     }
 
-    /// Whether the folders for results and originals are available.
+    /// Whether the folders that jobs use are available.
     fn folders_are_there(&mut self) -> bool {
         let folders = self.folders();
         let import = folders.import_trouble();
         let missing = match &import {
             Some(_) => format!("the import folder {} is", folders.import.display()),
-            None => "the folders for results and originals are".to_owned(),
+            None => "the folders of the station are".to_owned(),
         };
         let trouble = import.or_else(|| match self.executor.shares.are_there(folders, true) {
             Err(JobError::Retry(reason)) => Some(reason),
@@ -166,7 +169,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     }
 
     /// Whether no other station uses the hot folder; if one does, this station ends.
-    fn holds_hot(&mut self) -> bool {
+    pub(super) fn holds_hot(&mut self) -> bool {
         let hot = &self.settings.station().folders.hot;
         if self.hot_lock.as_ref().is_none_or(|lock| lock.identity != folders::identity(hot)) {
             self.hot_lock = None;

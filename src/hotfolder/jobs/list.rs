@@ -332,9 +332,8 @@ fn check_names(task: &Task, products: &Products) -> Result<(), JobError> {
     if last.serial > LARGEST_SERIAL {
         return Err(JobError::Rejected(too_large_a_number(last)));
     }
-    let name = place(&task.path, last.serial);
-    let name = Path::new(name.file_name().unwrap_or_default());
-    meaning(name).map(drop).map_err(JobError::Rejected)
+    // With the folder of the SKU, whose name is in that of the result.
+    meaning(&place(&task.relative, last.serial)).map(drop).map_err(JobError::Rejected)
 }
 
 /// Hash of everything that the drops of a list depend on.

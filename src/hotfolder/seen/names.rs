@@ -28,6 +28,9 @@ const UNREAD_DRAWINGS: &[&str] = &["ai", "cdr", "dwf", "dwg", "dxb", "emf", "eps
 /// Extensions of pictures that isomark does not read, in lower case.
 const UNREAD_PICTURES: &[&str] = &["gif", "heic", "jpeg", "jpg", "psd", "tif", "tiff", "webp", "xcf"];
 
+/// Extensions of tables that isomark does not read, in lower case.
+const UNREAD_TABLES: &[&str] = &["numbers", "ods", "xls", "xlsb", "xlsm", "xlsx"];
+
 /// Extensions of archives, in lower case.
 const ARCHIVES: &[&str] = &["7z", "gz", "rar", "tar", "tgz", "zip"];
 
@@ -151,10 +154,14 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
         [folder, name] => (Some(folder), name),
         _ => return Err(unreadable_name()),
     };
-    if name.len() + folder.map_or(0, |folder| folder.len() + 1) > LONGEST_NAME {
-        let length = name.len() as f64;
-        let reason = Reason::new("name-too-long", "The file's name is too long.", "Give it a shorter name.");
-        return Err(reason.with_number("length", length, "bytes", Some(LONGEST_NAME as f64)));
+    let length = name.len() + folder.map_or(0, |folder| folder.len() + 1);
+    if length > LONGEST_NAME {
+        let what = match folder {
+            Some(_) => "The file's name is too long, together with that of its folder.",
+            None => "The file's name is too long.",
+        };
+        let reason = Reason::new("name-too-long", what, "Give it a shorter name.");
+        return Err(reason.with_number("length", length as f64, "bytes", Some(LONGEST_NAME as f64)));
     }
     if let Some(character) = name.chars().find(|c| c.is_control() || r#"\:*?"<>|"#.contains(*c)) {
         let what = format!("The file's name contains {character:?}, which some file systems cannot store.");
@@ -210,6 +217,12 @@ fn unknown_kind(name: &str, extension: &str) -> Reason {
         )
     } else if UNREAD_PICTURES.contains(&extension) {
         (format!("isomark does not read .{extension} files."), "Save the picture as .png or .bmp.".to_owned())
+    } else if UNREAD_TABLES.contains(&extension) {
+        (
+            format!("isomark does not read .{extension} files."),
+            "Save the table as CSV in UTF-8. A list of products needs the name of its drawing: can@label.csv, dropped before can@label.dxf."
+                .to_owned(),
+        )
     } else if ARCHIVES.contains(&extension) {
         (
             format!("isomark does not read .{extension} files."),
@@ -334,6 +347,14 @@ mod tests {
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap_err().code, code, "{relative}");
         }
+        // The result is named after both.
+        let in_folder = meaning(&Path::new("can").join("x".repeat(226) + ".dxf")).unwrap_err();
+        let number = in_folder.number.unwrap();
+        assert_eq!(
+            (number.value, number.limit),
+            (234.0, Some(230.0)),
+            "3 letters, a slash, 226 letters and the ending"
+        );
         let unread = meaning(Path::new("can.IGES")).unwrap_err();
         assert_eq!(unread.what, "A .iges file is in a format that isomark does not read.");
         assert!(unread.remedy.contains(".step, .glb, .gltf, .obj, .stl"));
@@ -342,6 +363,11 @@ mod tests {
             ("can@logo.dwg", "Export the drawing as .dxf or .svg."),
             ("can@logo.jpg", "Save the picture as .png or .bmp."),
             ("can.zip", "Unpack the file, and drop the parts and drawings in it."),
+            (
+                "can@label.XLSX",
+                "Save the table as CSV in UTF-8. A list of products needs the name of its drawing: can@label.csv, dropped before \
+                 can@label.dxf.",
+            ),
         ] {
             let reason = meaning(Path::new(name)).unwrap_err();
             let extension = name.rsplit_once('.').unwrap().1.to_lowercase();

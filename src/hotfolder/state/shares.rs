@@ -5,8 +5,8 @@
 //! ```
 //!
 //! When a share is disconnected, its mount point remains as an empty folder. Files written there are on the wrong disk,
-//! and hidden when the share is mounted again. So a folder that was once seen on a mounted share or disk is only used
-//! while it is on one.
+//! and hidden when the share is mounted again; the settings of a SKU and the part that another station fitted seem to be
+//! removed. So a folder that was once seen on a mounted share or disk is only used while it is on one.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ const FILE: &str = "shares.json";
 /// The code of the reason when drops wait for a share.
 const SHARE_MISSING: &str = "share-missing";
 
-/// The mount points of the folders for results and originals.
+/// The mount points of the folders for results, originals, surfaces and SKU files.
 pub(crate) struct Shares {
     state: PathBuf,
     seen: Mutex<BTreeMap<String, Seen>>,
@@ -48,24 +48,41 @@ impl Shares {
         Self { state: state.into(), seen: Mutex::new(seen), devices: Mutex::default() }
     }
 
-    /// Checks that the folders for results and originals are still on the same mount points; with `closely` also if one
-    /// disk is mounted at several places.
+    /// Checks that all folders that a job uses, except the hot folder, are still on the same mount points; with `closely` also if
+    /// one disk is mounted at several places.
     ///
     /// # Errors
     /// With the share or disk that is not mounted.
     pub(crate) fn are_there(&self, folders: &FolderPaths, closely: bool) -> Result<(), JobError> {
-        let FolderPaths { import, archive, rejected, reports, .. } = folders;
-        let all = [("import", import), ("archive", archive), ("rejected", rejected), ("reports", reports)];
-        for (purpose, folder) in all {
-            let device = device_of(folder);
-            let last = self.devices().remove(folder);
-            if (closely || device.is_none() || last != device)
-                && let Some(mount) = mount_of(folder)
-            {
-                self.is_there(purpose, Seen { folder: folder.clone(), mount })?;
-            }
-            self.devices().extend(device.map(|device| (folder.clone(), device)));
+        let FolderPaths { import, archive, rejected, reports, cache, skus: _, hot: _, state: _ } = folders;
+        let all = [
+            ("import", import),
+            ("archive", archive),
+            ("rejected", rejected),
+            ("reports", reports),
+            ("cache", cache),
+        ];
+        all.into_iter().try_for_each(|(purpose, folder)| self.check(purpose, folder, closely))?;
+        self.skus_are_there(folders, closely)
+    }
+
+    /// Checks the same of the folder of the SKU files: in an empty mount point, every SKU seems to have the station's settings.
+    ///
+    /// # Errors
+    /// With the share or disk that is not mounted.
+    pub(crate) fn skus_are_there(&self, folders: &FolderPaths, closely: bool) -> Result<(), JobError> {
+        self.check("skus", &folders.skus, closely)
+    }
+
+    fn check(&self, purpose: &str, folder: &Path, closely: bool) -> Result<(), JobError> {
+        let device = device_of(folder);
+        let last = self.devices().remove(folder);
+        if (closely || device.is_none() || last != device)
+            && let Some(mount) = mount_of(folder)
+        {
+            self.is_there(purpose, Seen { folder: folder.into(), mount })?;
         }
+        self.devices().extend(device.map(|device| (folder.to_path_buf(), device)));
         Ok(())
     }
 
