@@ -18,6 +18,7 @@ use multiversion::multiversion;
 use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::{Figure, IsometricOptions};
+use self::rounds::Ending;
 use self::scales::EvenMap;
 use self::strain::{Cap, Damped, Fineness, Sample, Strain, Weighting, Weights, products, samples};
 use crate::geometry::fork::{self, Fork, InTurn, join};
@@ -157,8 +158,8 @@ impl IsometricMap {
     /// `ink` is the placed drawing; `anchor` keeps its place in the view, and the drawing's x direction there stays
     /// the view's x direction. Strain is the relative change of length, |F_d| − 1 for a unit direction d of the
     /// drawing and F(s, t) = (φ, f(φ)); its derivatives by the control points include the change of the surface's
-    /// slope and curvature as the point moves. The steps are Gauss–Newton steps, shortened where they would overshoot
-    /// (Nocedal & Wright, Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates,
+    /// slope and curvature as the point moves. The steps are Gauss–Newton steps, shortened or damped where they would
+    /// overshoot (Nocedal & Wright, Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates,
     /// which are exact where the surface is developable, continue on a grid with cells of twice the side and end on
     /// the fine grid, where rounds of weighting make the map true where the options ask for it. The limit for the angle
     /// error of the ink comes from the map with equal weights, which is computed first.
@@ -230,6 +231,7 @@ impl IsometricMap {
                 } else {
                     map.control.clone_from(&start);
                 }
+                let mut is_within = false;
                 // Where the limit for the angle error leaves no gain, more weight on the angles comes nearer to it.
                 for stiffness in STIFFER {
                     let options = IsometricOptions {
@@ -238,11 +240,14 @@ impl IsometricMap {
                         ..given
                     };
                     let mut fine = first.take().unwrap_or_else(|| map.samples(ink, &options.weights(), FINE));
-                    map.settled = map.rounds(surface, anchor, &mut fine, &even, &options, &solver);
+                    let ending = map.rounds(surface, anchor, &mut fine, &even, &options, &solver);
+                    map.settled = ending == Ending::Gained;
+                    is_within |= ending == Ending::Within;
                     if map.settled {
                         break;
                     }
                 }
+                map.settled |= is_within;
                 if !map.settled {
                     break;
                 }

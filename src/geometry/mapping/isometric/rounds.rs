@@ -41,6 +41,17 @@ const PAPER: f64 = 2.0;
 /// A step that multiplies the cost by more than this is damped.
 const OVERSHOOT: f64 = 4.0;
 
+/// How rounds ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// With a better map than at the start, or at one that leaves nothing.
+    Gained,
+    /// With the map of the start, whose angles are within their limit.
+    Within,
+    /// With the map of the start, whose angles are beyond their limit.
+    Beyond,
+}
+
 /// The scales of the weights for a map with these strains.
 fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales {
     // The more of the angle error is spread over the ink, the less it can be moved to where no ink is.
@@ -153,7 +164,7 @@ impl IsometricMap {
         even
     }
 
-    /// Rounds from the map as it is to the best one that is found; returns whether one was better.
+    /// Rounds from the map as it is to the best one that is found.
     pub(super) fn rounds(
         &mut self,
         surface: &NurbsSurface,
@@ -162,14 +173,14 @@ impl IsometricMap {
         even: &EvenMap,
         options: &IsometricOptions,
         solver: &GridSolver<2>,
-    ) -> bool {
+    ) -> Ending {
         let cells = self.knots_s.spans() * self.knots_t.spans();
         // One buffer for all rounds: it is large.
         let fork = solver.fork();
         let mut strains = Strains::default();
         let mut figures = Figures::of(self.strained(surface, samples, &mut strains, fork, Sums::of));
         if figures.line.max(figures.area).max(figures.largest_angle) <= SMALL {
-            return true;
+            return Ending::Gained;
         }
         let scales = scales(&figures, even, options);
         let mut cost = figures.cost(&scales, options);
@@ -227,7 +238,11 @@ impl IsometricMap {
             last = verdict;
         }
         self.control = kept;
-        has_gained || starts_within
+        match (has_gained, starts_within) {
+            (true, _) => Ending::Gained,
+            (false, true) => Ending::Within,
+            (false, false) => Ending::Beyond,
+        }
     }
 }
 
