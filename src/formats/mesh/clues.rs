@@ -424,9 +424,10 @@ fn is_turned_back(positions: &[Point3<f64>], largest_dust: f64) -> bool {
     let (mut left, mut otherwise) = (0, 0);
     for (value, other) in pairs.filter(|(value, _)| value.abs() <= largest_dust) {
         let turned = OF_A_TURN * other;
-        let is_left = (value - turned).abs() <= 0.6 * DECIMALS + 0.5 * turned.abs();
-        left += usize::from(is_left && value != 0.0);
-        otherwise += usize::from(!is_left);
+        let is_near = (value - turned).abs() <= 0.6 * DECIMALS + 0.5 * turned.abs();
+        let is_missing = value == 0.0 && turned.abs() >= 0.75 * DECIMALS;
+        left += usize::from(is_near && value != 0.0);
+        otherwise += usize::from(!is_near || is_missing);
     }
     left > 10 * otherwise
 }
