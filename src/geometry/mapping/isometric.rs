@@ -100,6 +100,8 @@ pub enum IsometricError {
 const ENERGY_TOLERANCE: f64 = 0.03;
 /// A mean squared strain treated as zero: 0.0001 mm in 100 mm.
 const NO_STRAIN: f64 = 1e-12;
+/// A mean squared strain that no step needs to lower if its equations cannot be solved: 0.003 mm in 100 mm.
+const HARDLY_STRAINED: f64 = 1e-9;
 /// Maximum number of steps on the fine grid.
 const MAX_STEPS: usize = 20;
 /// Maximum number of steps of the even map on the coarse grid; the fine grid continues from there.
@@ -344,18 +346,21 @@ impl IsometricMap {
                     Ok(shifts) => {
                         let expected = equations.gain(&shifts);
                         let shortest = if is_last { SHORTEST } else { LEAST_SHARE };
-                        let (fraction, reached) =
-                            self.shift(task, &shifts, (energy, expected), shortest, &mut strains, fork);
+                        let (fraction, reached) = self.shift(
+                            task,
+                            (&start, &shifts),
+                            (energy, expected),
+                            shortest,
+                            &mut strains,
+                            fork,
+                        );
                         if is_last || is_gained(energy - reached, expected, fraction) {
                             break (shifts, expected, fraction, reached);
                         }
                         self.control.clone_from(&start);
                         self.energy(task, &mut strains, fork);
                     }
-                    // What is left is next to nothing.
-                    Err(_) if is_last && self.iterations.last().is_some_and(Iteration::is_short) => {
-                        return Ok(true);
-                    }
+                    Err(_) if is_last && energy <= HARDLY_STRAINED => return Ok(true),
                     Err(error) if is_last => return Err(error.into()),
                     Err(_) => {}
                 }
@@ -386,18 +391,17 @@ impl IsometricMap {
         Ok(false)
     }
 
-    /// Moves the control points by as much of `shifts` as lowers the energy by at least half of what is expected, or by about the
-    /// smallest share if none does; returns the share and the energy.
+    /// Moves the control points from `start` by a share of `shifts` that gains at least half of what is predicted for it, or by one
+    /// that is at most `shortest`; returns the share and the energy that it reaches.
     fn shift(
         &mut self,
         task: &Task,
-        shifts: &[[f64; 2]],
+        (start, shifts): (&[Vector2<f64>], &[[f64; 2]]),
         (energy, expected): (f64, f64),
         shortest: f64,
         strains: &mut Strains,
         fork: &dyn Fork,
     ) -> (f64, f64) {
-        let start = self.control.clone();
         let mut fraction = 1.0;
         loop {
             for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(shifts)) {

@@ -194,21 +194,30 @@ impl IsometricMap {
             let first = FIRST_WEIGHTS.get(round).copied().unwrap_or(1.0);
             weigh_angles(samples, &strains, &figures, scales.angles * first, round > 0);
             let (start, before) = (self.control.clone(), cost);
+            // The damping is a multiple of the weight of the paper, which is small.
+            let scale = before / options.box_weight.powi(2);
             let mut tries = 0;
             let shifts = loop {
                 let damped = Damped { weighting: &scales, damping };
                 let equations = equations(self, anchor, samples, &strains, &damped, fork);
-                let Ok(shifts) = equations.solve(solver) else { break 'rounds };
+                let solved = equations.solve(solver);
+                tries += 1;
+                let Ok(shifts) = solved else {
+                    if tries > MOST_TRIES {
+                        break 'rounds;
+                    }
+                    damping = more_damping(damping, scale);
+                    continue;
+                };
                 for (point, (old, shift)) in self.control.iter_mut().zip(start.iter().zip(&shifts)) {
                     *point = old + Vector2::from(*shift);
                 }
                 figures = Figures::of(self.strained(surface, samples, &mut strains, fork, Sums::of));
                 cost = figures.cost(&scales, options);
-                if cost <= OVERSHOOT * before || tries == MOST_TRIES {
+                if cost <= OVERSHOOT * before || tries > MOST_TRIES {
                     break shifts;
                 }
-                tries += 1;
-                damping = more_damping(damping, before / options.box_weight.powi(2));
+                damping = more_damping(damping, scale);
                 self.control.clone_from(&start);
                 self.strained(surface, samples, &mut strains, fork, |_, _| ());
             };
