@@ -18,7 +18,6 @@ use multiversion::multiversion;
 use nalgebra::{Matrix2, Vector2};
 
 pub use self::options::{Figure, IsometricOptions};
-use self::rounds::Ending;
 use self::scales::EvenMap;
 use self::strain::{Cap, Damped, Fineness, Sample, Strain, Weighting, Weights, products, samples};
 use crate::geometry::fork::{self, Fork, InTurn, join};
@@ -141,6 +140,17 @@ const FINE: Fineness = Fineness { most_places: 3000, parts: 3 };
 
 /// Fewer samples are strained in less time than it takes to share them.
 const LEAST_SHARED: usize = 500;
+
+/// How rounds of weighting ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ending {
+    /// With a better map than at the start, or at one that leaves nothing.
+    Gained,
+    /// With the map of the start, whose angles are within their limit.
+    Within,
+    /// With the map of the start, whose angles are beyond their limit.
+    Beyond,
+}
 
 /// The strains of two halves of the samples.
 type Strains = [Vec<Strain>; 2];

@@ -11,7 +11,8 @@ use nalgebra::Vector2;
 use super::scales::{EvenMap, Scales};
 use super::strain::{Damped, Sample, Strain};
 use super::{
-    IsometricMap, IsometricOptions, Iteration, MOST_TRIES, Strains, Task, equations, half_of, more_damping,
+    Ending, IsometricMap, IsometricOptions, Iteration, MOST_TRIES, Strains, Task, equations, half_of,
+    more_damping,
 };
 use crate::geometry::normal_equations::GridSolver;
 use crate::geometry::space::FlatPoint;
@@ -40,17 +41,6 @@ const FIRST_WEIGHTS: [f64; 2] = [3.0, 1.7];
 const PAPER: f64 = 2.0;
 /// A step that multiplies the cost by more than this is damped.
 const OVERSHOOT: f64 = 4.0;
-
-/// How rounds ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ending {
-    /// With a better map than at the start, or at one that leaves nothing.
-    Gained,
-    /// With the map of the start, whose angles are within their limit.
-    Within,
-    /// With the map of the start, whose angles are beyond their limit.
-    Beyond,
-}
 
 /// The scales of the weights for a map with these strains.
 fn scales(start: &Figures, even: &EvenMap, options: &IsometricOptions) -> Scales {
