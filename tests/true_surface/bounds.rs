@@ -353,6 +353,51 @@ fn results_on_strips_with_arcs_of_one_facet_are_upper_estimates() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
+/// Wide and narrow facets in turn, as where edges were bevelled or vertices removed: they may be flat sides and fillets, but those of a
+/// circle are on one.
+#[test]
+fn results_on_facets_of_two_widths_are_upper_estimates() {
+    let mut failures = Vec::new();
+    for [a, b] in [[30.0, 30.0], [36.0, 20.0], [28.0, 34.0]] {
+        for [narrow, wide] in [[5.0, 15.0], [3.0, 10.0]] {
+            for rows in [1, 3] {
+                let mut degrees = vec![-70.0];
+                while let Some(last) = degrees.last().copied().filter(|last| *last < 60.0) {
+                    degrees.extend([last + narrow, last + narrow + wide]);
+                }
+                let across = degrees.iter().map(|angle: &f64| {
+                    let (sin, cos) = angle.to_radians().sin_cos();
+                    [a * sin, b * cos]
+                });
+                let across: Vec<[f64; 2]> = across.collect();
+                let row = |row: u32| {
+                    across.iter().map(move |[x, z]| Point3::new(*x, f64::from(row) * 40.0 - 20.0, *z))
+                };
+                let along = |at: Point3<f64>| Point3::new(at.x, (at.y + 20.0) / f64::from(rows) - 20.0, at.z);
+                let positions = (0..=rows).flat_map(row).map(along).collect();
+                let columns = across.len() as u32;
+                let cells =
+                    (0..rows).flat_map(|row| (0..columns - 1).map(move |column| row * columns + column));
+                let triangles = cells.flat_map(|at| {
+                    let above = at + columns;
+                    [[at, at + 1, above + 1], [at, above + 1, above]]
+                });
+                let mesh = TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap();
+                let surface =
+                    FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default());
+                let of = judged(&surface.unwrap(), |x, _| b * (1.0 - (x / a).powi(2)).sqrt());
+                let part = format!("{a} x {b}, {narrow} and {wide} deg, {rows} rows");
+                check(&part, &of, [1.0; 5], None, &mut failures);
+                let [_, truth] = of.map(|of| of.length_error);
+                if truth > 0.1 {
+                    failures.push(format!("{part}: e_l is {truth:.4} mm"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
 /// The samples round an edge that the facets show.
 #[test]
 fn results_across_edges_are_upper_estimates() {

@@ -5,6 +5,8 @@
 //! of a short chord lean away from it by equal and opposite angles (exactly on circles, to third order elsewhere),
 //! and at its far end all facets have similar widths.
 
+use std::cell::OnceCell;
+
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, sliver_side};
@@ -31,6 +33,11 @@ const MIN_LEAN: f64 = 0.15;
 /// The facets of a tessellation leave the part by about the same distance everywhere. A plane that is surrounded by narrow facets
 /// is flat where its normal would make it bulge so many times as far as these.
 const IMPLAUSIBLE: f64 = 6.0;
+/// Wide planes that take turns with narrow ones are of a round face if the normals at both ends of its arc differ by no more than this,
+/// rad, as over a side of a cylinder with 12 sides.
+const CHORD_OF_ROUND: f64 = 0.53;
+/// The width of one is at least so many times that of the next.
+const IN_TURN: f64 = 1.5;
 /// The share of its boundary on which a plane has narrow neighbours if it is surrounded by them.
 const SURROUNDED: f64 = 0.9;
 
@@ -98,9 +105,16 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
     let mut deviations = vec![0.0f64; mesh.positions.len()];
     let mut is_flat = vec![false; planes.normals.len()];
     let is_surrounded = planes.are_surrounded(mesh);
+    let are_round = OnceCell::new();
     for (&vertex, derived) in uneven.iter().zip(derived) {
         let Some(span) = spans.of_vertex(vertex) else { continue };
         let widest = span.widest as usize;
+        if derived.is_none()
+            && planes.are_divided[widest]
+            && are_round.get_or_init(|| planes.are_round(mesh))[widest]
+        {
+            continue;
+        }
         let flat = planes.normals[widest];
         let leaning = derived.filter(|derived| {
             let angle = derived.angle(&flat);
@@ -174,6 +188,29 @@ pub(super) fn planes_of(mesh: &SmoothMesh) -> Vec<PlaneOf> {
         is_polygon: triangles[plane as usize] + 2 == sides[plane as usize],
     };
     planes.of_triangle.iter().map(of_plane).collect()
+}
+
+/// What is beside a plane.
+#[derive(Debug, Clone, Copy, Default)]
+struct Beside {
+    /// Different planes.
+    planes: [Option<u32>; 2],
+    has_others: bool,
+}
+
+impl Beside {
+    fn include(&mut self, plane: u32, is_chosen: bool) {
+        self.has_others |= !is_chosen;
+        let [first, second] = &mut self.planes;
+        if *first.get_or_insert(plane) != plane {
+            *second = Some(plane);
+        }
+    }
+
+    /// Whether there are at least two planes, all of them chosen.
+    fn are_two(&self) -> bool {
+        self.planes[1].is_some() && !self.has_others
+    }
 }
 
 /// The planes that meet at a vertex.
@@ -420,6 +457,42 @@ impl Planes {
             }
         }
         boundaries.into_iter().map(|[whole, narrow]| narrow > SURROUNDED * whole).collect()
+    }
+
+    /// Whether each plane may be a chord of a round face with wide and narrow chords in turn: beyond each of its narrow neighbours there
+    /// is another wide one, all turn the same way, and by little.
+    fn are_round(&self, mesh: &SmoothMesh) -> Vec<bool> {
+        let pair = |side: usize| {
+            let other = mesh.continued[side];
+            let [plane, beyond] = [side, other as usize].map(|side| self.of_triangle.get(side / 3).copied());
+            let [plane, beyond] = [plane?, beyond?];
+            (plane != NONE && plane != beyond).then_some((other as usize, [plane, beyond]))
+        };
+        let pairs = || (0..mesh.continued.len()).filter_map(pair);
+        let is_wider = |[plane, other]: [u32; 2]| {
+            other != NONE && self.widths[plane as usize] > IN_TURN * self.widths[other as usize]
+        };
+        let mut wider = vec![Beside::default(); self.normals.len()];
+        for (_, [plane, other]) in pairs() {
+            let is_other_wider = other != NONE && is_wider([other, plane]);
+            wider[plane as usize].include(other, is_other_wider);
+        }
+        let mut narrower = vec![Beside::default(); self.normals.len()];
+        let mut ways = vec![[false; 2]; self.normals.len()];
+        for (side, [plane, other]) in pairs() {
+            let here = plane as usize;
+            if !is_wider([plane, other]) {
+                narrower[here].include(other, false);
+                continue;
+            }
+            let [width, narrow] = [plane, other].map(|plane| self.widths[plane as usize]);
+            let turn = self.normals[here].angle(&self.normals[other as usize]);
+            let turns_little = 2.0 * turn * width <= CHORD_OF_ROUND * (width + narrow);
+            narrower[here].include(other, turns_little && wider[other as usize].are_two());
+            let [corner, _, far] = [0, 1, 2].map(|turn| mesh.corners(side / 3).0[(side % 3 + turn) % 3]);
+            ways[here][usize::from(self.normals[here].dot(&(far - corner)) > 0.0)] = true;
+        }
+        narrower.iter().zip(ways).map(|(narrower, ways)| narrower.are_two() && ways != [true; 2]).collect()
     }
 
     /// The planes of the `chosen` triangles; other triangles belong to one of these planes or to none.

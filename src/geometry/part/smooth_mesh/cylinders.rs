@@ -57,6 +57,10 @@ const MOST_TRIANGLES: usize = 300_000;
 /// Facets on a cylinder leave it by at most so many times as far as those in the middle of the first ones. A flat side between two
 /// lines of it, and the end of a can, have their vertices on it, too.
 const FLAT: f64 = 2.5;
+/// More than one facet: so many triangles of a strip that leave it farther are no flat side, if the chords turn by no more than this,
+/// rad, as those of a cylinder with 12 sides do.
+const MORE_THAN_ONE: usize = 3;
+const CHORD_OF_ROUND: f64 = 0.53;
 /// Single triangles with their vertices on it may leave it farther, and then facets that leave it as far, but for this share, are on it.
 const SAME_BULGE: f64 = 0.01;
 /// The normals of facets on a cylinder lean along its lines by at most this, rad: by a few hundredths where its rims are cut
@@ -407,12 +411,16 @@ impl Search<'_> {
             shown.strip.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle)).collect();
         bulges.sort_by(f64::total_cmp);
         let usual = bulges[bulges.len() / 2];
-        (usual >= shown.least_bulge).then(|| Group {
-            round,
-            near: self.near,
-            most: FLAT * usual,
-            triangles: Vec::new(),
-        })
+        let radius = round.distance_from_axis(&self.mesh.corners(*shown.strip.first()?).0[0]);
+        let most_of_round = radius * (1.0 - (CHORD_OF_ROUND / 2.0).cos());
+        let wide = &bulges[bulges.partition_point(|&bulge| bulge <= FLAT * usual)..];
+        let most = match wide.last() {
+            Some(&widest) if wide.len() >= MORE_THAN_ONE && widest <= most_of_round => {
+                widest * (1.0 + SAME_BULGE)
+            }
+            _ => FLAT * usual,
+        };
+        (usual >= shown.least_bulge).then(|| Group { round, near: self.near, most, triangles: Vec::new() })
     }
 
     /// A triangle and some on both sides of it, along the direction of one of its sides.
