@@ -40,6 +40,11 @@ const NOT_FLAT: f64 = 0.25;
 /// the second.
 const MOST_STEADY: f64 = 1.6;
 const STEADY: f64 = 1.3;
+/// The curvatures at four vertices in a row are those of a smooth curve where the inner ones leave the line between the outer ones by at
+/// most this share of the largest. A flat side between two arcs, and an arc of one facet between two others, do not.
+const EVEN_BEND: f64 = 0.15;
+/// Unless wide and narrow sides take turns: the one are so many times as long as the other.
+const IN_TURN: f64 = 1.5;
 /// CAD programs cut an arc into facets that turn by at most twice this, rad.
 const MOST_LEAN: f64 = 0.25;
 /// Neighbours of a vertex among which its ring is looked for.
@@ -109,7 +114,7 @@ impl<'a> Chains<'a> {
             [Some(lean), None] if self.bends_back(ways[1], lean) => of_known * error(lean),
             [None, Some(lean)] if self.bends_back(ways[0], lean) => of_known * error(lean),
             [Some(_), None] | [None, Some(_)] => 0.0,
-            [None, None] if self.is_steady(ends) => 0.0,
+            [None, None] if self.is_steady(ends) || self.bends_evenly(ends) => 0.0,
             [None, None] => {
                 let possible = ways.into_iter().filter_map(|way| self.arrives(way));
                 OF_LONE * possible.map(error).fold(0.0, f64::max)
@@ -168,6 +173,37 @@ impl<'a> Chains<'a> {
         factors.into_iter().all(|factor| factor < MOST_STEADY && factor * MOST_STEADY > 1.0)
             && factors[0] < STEADY * factors[1]
             && factors[1] < STEADY * factors[0]
+    }
+
+    /// Whether the curvatures at the ends of a side and at the vertices beyond them change evenly, and the sides beside it are not both
+    /// longer or shorter.
+    fn bends_evenly(&self, [one, other]: [u32; 2]) -> bool {
+        let beyond = |from: u32, end: u32| {
+            let next = self.straight_on(from, end)?;
+            Some([next, self.straight_on(end, next)?])
+        };
+        let (Some(before), Some(after)) = (beyond(other, one), beyond(one, other)) else { return false };
+        let row = [before[1], before[0], one, other, after[0], after[1]];
+        let lengths: Vec<f64> = row.windows(2).map(|ends| self.distance([ends[0], ends[1]])).collect();
+        let is_longer = |one: f64, other: f64| one > IN_TURN * other;
+        let [before, here, after] = [lengths[1], lengths[2], lengths[3]];
+        if is_longer(before.min(after), here) || is_longer(here, before.max(after)) {
+            return false;
+        }
+        let at = |index: usize| self.turn_at(row[index], [row[index - 1], row[index + 1]]);
+        let curvatures = [1, 2, 3, 4].map(|index| 2.0 * at(index) / (lengths[index - 1] + lengths[index]));
+        // That of three points is the curvature in the middle of them.
+        let middle = |index: usize| (lengths[index] - lengths[index - 1]) / 3.0;
+        let mut places = [0.0; 4];
+        for index in 1..4 {
+            places[index] = places[index - 1] + lengths[index] + middle(index + 1) - middle(index);
+        }
+        let line = |index: usize| {
+            let share = (places[index] - places[0]) / (places[3] - places[0]);
+            curvatures[0] + (curvatures[3] - curvatures[0]) * share
+        };
+        let largest = curvatures.into_iter().map(f64::abs).fold(0.0, f64::max);
+        [1, 2].into_iter().all(|index| (curvatures[index] - line(index)).abs() <= EVEN_BEND * largest)
     }
 
     /// Whether a side is a chord of the profile of a turned part. Facets of other parts are in one line by accident, but not so
