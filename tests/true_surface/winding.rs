@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use isomark::formats::mesh::{self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartReading, UpAxis};
+use isomark::formats::mesh::{
+    self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartReading, UpAxis,
+};
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shapes;
@@ -202,11 +204,15 @@ fn averages_over_triangles_that_run_in_opposite_ways_are_not_believed() {
         let reversed = chosen.min(mesh.triangles().len() - chosen);
         assert!(notice.message.starts_with(&format!("{reversed} of ")), "{}", notice.message);
         assert!(notice.message.contains("normals were computed from them"), "{}", notice.message);
-        assert!(has_notice(&reading, "normals-estimated"), "{percent} %");
-        assert_eq!(reading.facts.normals, NormalsFound::Averaged);
+        // Normals far from few reversed triangles are those of the surface.
+        let used = reading.facts.normals_used;
+        assert!(matches!(used, Some(NormalsUsed::Estimated | NormalsUsed::Mixed)), "{percent} %: {used:?}");
+        if percent >= 20 {
+            assert_eq!(reading.facts.normals, NormalsFound::Averaged, "{percent} %");
+            assert!(has_notice(&reading, "normals-estimated"), "{percent} %");
+        }
         let surface = fitted(&reading);
         for (x, y) in [(0.3, 0.4), (-6.2, 5.1), (7.0, -6.6)] {
-            // Seen from the reversed side, where most triangles are reversed.
             let off = surface.nurbs.height(ViewPoint::new(x, y)) - shapes::sphere(x, y);
             assert!(off.abs() < 0.005, "{percent} % at ({x}, {y}): {off} mm");
         }
