@@ -30,5 +30,5 @@ pub use laser::{belt, correction, fill, focus, frame_outline, marking, optics, r
 use part::{adjacency, disjoint_sets, flats, osculating_jet, rounding, shape_fit};
 pub use part::{
     chord_normals, cone, curved_triangle, cylinder, flat_shading, height_field, holes, mark_region, mesh,
-    noise, point_cloud, regions, rims, shading, sides, silhouette, smooth_mesh, solid, winding,
+    noise, point_cloud, polygons, regions, rims, shading, sides, silhouette, smooth_mesh, solid, winding,
 };

@@ -2354,7 +2354,7 @@ const CODES: &[Code] = &[
     notice([
         "winding-made-alike",
         "Triangles that ran the opposite way to their neighbours were reversed.",
-        "The file has no normals that show the outside, so isomark oriented the triangles like their neighbours.",
+        "The file has no normals that show the outside, or normals that were computed from the reversed triangles. isomark oriented the triangles like their neighbours, and estimates the normals beside them.",
         "Nothing to do if the part looks right. In Blender, use Recalculate Outside before the export.",
     ]),
     notice([

@@ -173,6 +173,45 @@ fn cut(radius: Radius, end: f64, rows: usize) -> Profile {
     (0..=rows).map(|row| [radius(along(row)), along(row)]).collect()
 }
 
+/// A surface over 80 × 60 mm in `count` × `count` quadrangles, which need not be plane.
+fn sheet(count: usize, height: impl Fn(f64, f64) -> f64) -> Model {
+    let at = |column: usize, row: usize| {
+        let (x, y) = (80.0 * (column as f64 / count as f64 - 0.5), 60.0 * (row as f64 / count as f64 - 0.5));
+        Point3::new(x, y, height(x, y))
+    };
+    let mut model = Model::default();
+    for (column, row) in (0..count).flat_map(|row| (0..count).map(move |column| (column, row))) {
+        let [near, far] = [row, row + 1];
+        model.flat(vec![at(column, near), at(column + 1, near), at(column + 1, far), at(column, far)]);
+    }
+    model
+}
+
+/// A twisted quadrangle in flat shading has the normal of its area vector, which leaves its triangles by up to 10° here.
+#[test]
+fn twisted_quadrangles_in_flat_shading_are_upper_estimates() {
+    let saddle = |x: f64, y: f64| x * y / 80.0;
+    for count in [4, 6, 8, 16] {
+        let reading = sheet(count, saddle).read(NormalsChoice::Auto);
+        assert_eq!(reading.facts.normals, NormalsFound::FacetsOnly, "{count}");
+        let [reported, truth] = length_errors(&reading, saddle);
+        assert!(reported >= truth - SLACK[0], "{count}: {truth:.4} is reported as {reported:.4}");
+        assert!(truth < 0.3, "{count}: {truth:.4}");
+    }
+}
+
+/// The vertices scatter in z; so the quadrangles are neither plane nor parts of a round face.
+#[test]
+fn noisy_quadrangles_in_flat_shading_are_smoothed() {
+    let height = |x: f64, y: f64| {
+        let mixed = ((x * 71.3 + y * 313.7).sin() * 43_758.545_3).fract();
+        x * y / 80.0 + 0.1 * mixed
+    };
+    let reading = sheet(60, height).read(NormalsChoice::Auto);
+    assert_eq!(reading.facts.normals, NormalsFound::FacetsOnly);
+    assert_eq!(reading.facts.normals_used, Some(NormalsUsed::Smoothed));
+}
+
 const PARTS: [(&str, Radius, usize); 4] = [
     ("cylinder", |_| RADIUS, 1),
     ("cone", |y| RADIUS + 0.15 * y, 1),

@@ -139,8 +139,13 @@ fn averaged(points: &[Point3<f64>], mut polygons: Vec<Vec<usize>>, weight: Weigh
             polygon.reverse();
         }
     }
+    averaged_as_they_run(points, &polygons, weight)
+}
+
+/// The same for polygons that run counter-clockwise seen from outside.
+fn averaged_as_they_run(points: &[Point3<f64>], polygons: &[Vec<usize>], weight: Weight) -> String {
     let mut normals = vec![Vector3::zeros(); points.len()];
-    for polygon in &polygons {
+    for polygon in polygons {
         let across = area_vector(points, polygon);
         for (place, &vertex) in polygon.iter().enumerate() {
             let beside = |step: usize| points[polygon[(place + step) % polygon.len()]] - points[vertex];
@@ -214,6 +219,33 @@ fn averaged_normals_distort_neither_flat_sides_nor_cylinders() {
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// Programs average the normals of the polygons that they keep, which need not be plane; in a file they are cut into triangles.
+#[test]
+fn averages_over_twisted_quadrangles_are_recognised() {
+    for (name, weight) in WEIGHTS {
+        for count in [4, 8, 20] {
+            let at = |step: usize, size: f64| size * (step as f64 / count as f64 - 0.5);
+            let place = |row: usize, column: usize| row * (count + 1) + column;
+            let grid = (0..=count).flat_map(|row| (0..=count).map(move |column| (row, column)));
+            let points: Vec<Point3<f64>> = grid
+                .map(|(row, column)| (at(column, 80.0), at(row, 60.0)))
+                .map(|(x, y)| Point3::new(x, y, x * y / 80.0 + (x + 0.5 * y).powi(2) / 300.0))
+                .collect();
+            let cells = (0..count).flat_map(|row| (0..count).map(move |column| (row, column)));
+            let polygons: Vec<Vec<usize>> = cells
+                .map(|(row, column)| {
+                    [(row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column)]
+                })
+                .map(|corners| corners.map(|(row, column)| place(row, column)).to_vec())
+                .collect();
+            let reading = read_bar(&averaged_as_they_run(&points, &polygons, weight));
+            let judged = shading::judged(mesh_of(&reading));
+            assert_eq!(judged.averages, judged.of, "{name} {count}: {judged:?}");
+            assert!(judged.of >= (count - 1) * (count - 1), "{name} {count}: {judged:?}");
+        }
+    }
 }
 
 /// Blender and others close a cylinder with a polygon or with triangles round a vertex in its middle.

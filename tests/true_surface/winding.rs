@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use isomark::formats::mesh::{self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartReading, UpAxis};
+use isomark::formats::mesh::{
+    self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartReading, UpAxis,
+};
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shapes;
@@ -173,6 +175,76 @@ fn the_triangles_of_a_closed_body_face_outwards() {
         assert!((turned / whole - 1.0).abs() < 1e-6, "{percent} %: {turned} mm³ for {whole} mm³");
         let top = fitted(&reading).nurbs.height(ViewPoint::new(1.0, 2.0));
         assert!((top - 95.0f64.sqrt()).abs() < 0.01, "{percent} %: {top} mm");
+    }
+}
+
+/// The normals that modelling programs write for smooth shading: those of the triangles at a vertex, as they run in the file, weighted by
+/// their angles there.
+fn averages(mesh: &TriMesh, percent: usize) -> Vec<Vector3<f64>> {
+    let mut sums = vec![Vector3::zeros(); mesh.positions().len()];
+    for (triangle, &corners) in mesh.triangles().iter().enumerate() {
+        let points = mesh.corners(corners);
+        let sign = if is_chosen(triangle, percent) { -1.0 } else { 1.0 };
+        let normal = sign * (points[1] - points[0]).cross(&(points[2] - points[0])).normalize();
+        for corner in 0..3 {
+            let [here, next, last] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);
+            sums[corners[corner] as usize] += normal * (next - here).angle(&(last - here));
+        }
+    }
+    sums.into_iter().map(|sum| sum.try_normalize(1e-9).unwrap_or_else(Vector3::z)).collect()
+}
+
+#[test]
+fn averages_over_triangles_that_run_in_opposite_ways_are_not_believed() {
+    let mesh = shapes::graph(10.0, 1.0, shapes::sphere);
+    for percent in [1, 3, 20, 50, 80] {
+        let chosen = (0..mesh.triangles().len()).filter(|&triangle| is_chosen(triangle, percent)).count();
+        let reading = read("a.obj", obj(&mesh, percent, &averages(&mesh, percent)).as_bytes());
+        let notice = reading.facts.notices.iter().find(|notice| notice.code == "winding-made-alike").unwrap();
+        let reversed = chosen.min(mesh.triangles().len() - chosen);
+        assert!(notice.message.starts_with(&format!("{reversed} of ")), "{}", notice.message);
+        assert!(notice.message.contains("normals were computed from them"), "{}", notice.message);
+        // Normals far from few reversed triangles are those of the surface.
+        let used = reading.facts.normals_used;
+        assert!(matches!(used, Some(NormalsUsed::Estimated | NormalsUsed::Mixed)), "{percent} %: {used:?}");
+        if percent >= 20 {
+            assert_eq!(reading.facts.normals, NormalsFound::Averaged, "{percent} %");
+            assert!(has_notice(&reading, "normals-estimated"), "{percent} %");
+        }
+        let surface = fitted(&reading);
+        for (x, y) in [(0.3, 0.4), (-6.2, 5.1), (7.0, -6.6)] {
+            let off = surface.nurbs.height(ViewPoint::new(x, y)) - shapes::sphere(x, y);
+            assert!(off.abs() < 0.005, "{percent} % at ({x}, {y}): {off} mm");
+        }
+    }
+}
+
+/// A reversed patch with normals of its own, as where smooth shading ends at reversed faces.
+#[test]
+fn normals_of_a_reversed_patch_are_turned_round() {
+    let mesh = shapes::graph(10.0, 1.0, shapes::sphere);
+    let is_patch = |corners: &[u32; 3]| {
+        mesh.corners(*corners).iter().map(|corner| corner.x + 0.3 * corner.y).sum::<f64>() > 9.0
+    };
+    let count = mesh.positions().len() as u32;
+    let outward = |at: &Point3<f64>| Vector3::new(at.x, at.y, at.z + 15.0).normalize();
+    let positions = mesh.positions().iter().chain(mesh.positions());
+    let exact = mesh.positions().iter().map(outward);
+    let normals = exact.clone().chain(exact.map(|normal| -normal));
+    let triangles = mesh.triangles().iter().map(|&[a, b, c]| match is_patch(&[a, b, c]) {
+        true => [a + count, c + count, b + count],
+        false => [a, b, c],
+    });
+    let patched = TriMesh::new(positions.copied().collect(), normals.collect(), triangles.collect()).unwrap();
+    let reading = read("a.obj", obj(&patched, 0, patched.normals()).as_bytes());
+    let reversed = mesh.triangles().iter().filter(|corners| is_patch(corners)).count();
+    let notice = reading.facts.notices.iter().find(|notice| notice.code == "winding-made-alike").unwrap();
+    assert!(notice.message.starts_with(&format!("{reversed} of ")), "{}", notice.message);
+    let surface = fitted(&reading);
+    for (x, y) in [(0.3, 0.4), (-6.2, 5.1), (7.0, -6.6), (3.0, 0.1), (8.0, 2.0)] {
+        let off = surface.nurbs.height(ViewPoint::new(x, y)) - shapes::sphere(x, y);
+        // Between normals of the surface and estimated ones, at the rim of the sheet, it is a little further off than without normals.
+        assert!(off.abs() < 0.01, "at ({x}, {y}): {off} mm");
     }
 }
 

@@ -381,8 +381,12 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl NormalsFound {
-    pub(super) fn notice(self, judged: &Judgement) -> Option<Notice> {
+    /// Says that the curvature is estimated, and why. `spoilt` of the file's normals are averages of triangles that run in opposite ways.
+    pub(super) fn notice(self, judged: &Judgement, spoilt: usize) -> Option<Notice> {
         let found = match self {
+            Self::None if spoilt > 0 => {
+                "the file's normals are averages of triangles that run in opposite ways".to_owned()
+            }
             Self::None => "the file has no normals".to_owned(),
             Self::FacetsOnly => "the file's normals only repeat the flat facets".to_owned(),
             Self::Averaged => format!(

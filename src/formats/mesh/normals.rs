@@ -2,6 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
+use crate::geometry::polygons;
+
 /// A normal within this angle of the facet normal is treated as equal to it, rad (1.2°). Blender merges normals that
 /// are less than 1° apart.
 const SAME_NORMAL: f64 = 0.021;
@@ -19,22 +21,29 @@ pub(super) type IndexedTriangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
 /// The mesh welded by position if its normals are only the facet normals, otherwise `None`.
 ///
-/// Such normals are perpendicular to each triangle's plane, whichever way round the triangle runs, and differ between
-/// neighbouring facets of a curved surface. `normal(triangle, corner)` returns the file's normal. Curved surfaces with
+/// Such normals are perpendicular to the plane of each triangle, or to the polygon that it was cut from, whichever way round it runs,
+/// and differ between neighbouring facets of a curved surface. `normal(triangle, corner)` returns the file's normal. Curved surfaces with
 /// facets so small that both cases agree within 1.2° keep their normals.
 pub(super) fn weld_facets(
     positions: &[Point3<f64>],
     triangles: &[[u32; 3]],
     normal: impl Fn(usize, usize) -> Vector3<f64>,
 ) -> Option<IndexedTriangles> {
-    let mut slivers_left = (triangles.len() as f64 * SLIVERS) as usize;
-    for (triangle, corners) in triangles.iter().enumerate() {
+    let slivers = (triangles.len() as f64 * SLIVERS) as usize;
+    let is_own = |(triangle, corners): (usize, &[u32; 3])| {
         let [a, b, c] = corners.map(|index| positions[index as usize]);
         let facet = (b - a).cross(&(c - a));
         let facet = if facet.dot(&normal(triangle, 0)) < 0.0 { -facet } else { facet };
-        let is_own = |corner| is_within(SAME_NORMAL, facet, normal(triangle, corner));
-        if !(is_own(0) && is_own(1) && is_own(2)) {
-            slivers_left = slivers_left.checked_sub(1)?;
+        (0..3).all(|corner| is_within(SAME_NORMAL, facet, normal(triangle, corner)))
+    };
+    let mut is_flat: Vec<bool> = triangles.iter().enumerate().map(is_own).collect();
+    let others = |is_flat: &[bool]| is_flat.iter().filter(|is_flat| !**is_flat).count();
+    if others(&is_flat) > slivers {
+        let unit = |normal: Vector3<f64>| normal.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        let normals = |triangle: usize| [0, 1, 2].map(|corner| unit(normal(triangle, corner)));
+        polygons::add_bent(&mut is_flat, positions, triangles, normals);
+        if others(&is_flat) > slivers {
+            return None;
         }
     }
     let (welded, welded_triangles) = weld(positions, triangles);

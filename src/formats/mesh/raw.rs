@@ -168,7 +168,11 @@ impl RawPart {
         self.notices.extend(misnamed);
         self.notices.extend(understood.notices(triangles));
         let is_estimated = matches!(understood.used, Some(NormalsUsed::Estimated | NormalsUsed::Mixed));
-        self.notices.extend(self.normals_found.notice(&understood.judged).filter(|_| is_estimated));
+        let spoilt = understood.winding.spoilt_normals;
+        self.notices.extend(self.normals_found.notice(&understood.judged, spoilt).filter(|_| is_estimated));
+        if self.normals_found == NormalsFound::None && spoilt > 0 {
+            self.normals_found = NormalsFound::Averaged;
+        }
         let facts = PartFacts {
             format: Some(self.clues.format),
             producer: self.clues.producer,
@@ -375,6 +379,9 @@ fn understood_mesh(
     options: &MeshOptions,
 ) -> Result<(TriMesh, Understood), MeshReadError> {
     let (mesh, winding) = winding::made_alike(mesh);
+    if mesh.normals().is_empty() && winding.spoilt_normals > 0 {
+        *found = NormalsFound::None;
+    }
     let (mesh, bridges) = holes::bridged(mesh, options.bridge);
     let found_noise = noise::of(&mesh);
     let noise = found_noise.filter(|noise| noise.misleads).map(|noise| MeshNoise::new(&noise));
@@ -460,8 +467,13 @@ impl Understood {
     /// What a person should know of it; the part has so many `triangles`.
     fn notices(&self, triangles: usize) -> impl Iterator<Item = Notice> {
         let lacking = self.lacks_normals.then(|| {
-            let message =
-                "the settings ask for the file's normals, and it has none: they are estimated from the mesh";
+            let why = match self.winding.spoilt_normals {
+                0 => "it has none",
+                _ => "they are averages of triangles that run in opposite ways",
+            };
+            let message = format!(
+                "the settings ask for the file's normals, and {why}: they are estimated from the mesh"
+            );
             Notice::warning("normals-missing", message)
         });
         let rounded = self.rounded.map(|rounding| {
@@ -508,9 +520,15 @@ fn bridge_notice(bridges: &[Bridge]) -> Option<Notice> {
 
 fn winding_notices(winding: &Winding, triangles: usize) -> impl Iterator<Item = Notice> {
     let reversed = (winding.reversed > 0).then(|| {
+        let normals = match winding.spoilt_normals {
+            0 => "the file has no normals that show the outside".to_owned(),
+            spoilt => format!(
+                "the file's normals were computed from them, so {spoilt} of these are wrong and are estimated"
+            ),
+        };
         let message = format!(
             "{} of {triangles} triangles were reversed because their corners ran the opposite way to those of \
-             their neighbours; the file has no normals that show the outside",
+             their neighbours; {normals}",
             winding.reversed
         );
         Notice::note("winding-made-alike", message)

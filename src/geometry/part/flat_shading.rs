@@ -7,12 +7,11 @@ use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, opposite_sides, weld};
 use super::mesh::TriMesh;
+use super::polygons::{self, ROUNDED};
 use super::smooth_mesh::{CREASE_ANGLE, NORMAL_TOLERANCE};
 
 /// The normal of a facet is within this of that of each of its triangles, rad (1.2°): a polygon may be bent a little.
 const SAME_NORMAL: f64 = 0.021;
-/// The normals of a facet are one that is written three times, to three decimals or more.
-const ROUNDED: f64 = 2e-3;
 /// Two turns, or two widths, are alike if one is at most this many times the other.
 const ALIKE: f64 = 1.5;
 /// Share of the triangles whose normals may differ from their planes: slivers have no well-defined plane.
@@ -119,6 +118,35 @@ impl Body {
     }
 }
 
+/// For each triangle, whether it is shaded flat: its corners have the normal of its plane, whichever way round it runs, or of the
+/// polygon that it was cut from. In a mesh without normals, all are.
+pub(super) fn are_flat(mesh: &TriMesh) -> Vec<bool> {
+    let is_flat = |triangle: usize| {
+        let (given, plane) = (given(mesh, triangle), plane(mesh, triangle));
+        let is_own = |normal: &Vector3<f64>| {
+            normal.dot(&plane).abs() >= SAME_NORMAL.cos() && (normal - given[0]).norm() < ROUNDED
+        };
+        given.iter().all(is_own)
+    };
+    let mut are_flat: Vec<bool> = (0..mesh.triangles().len()).map(is_flat).collect();
+    if !mesh.normals().is_empty() {
+        let given = |triangle: usize| given(mesh, triangle);
+        polygons::add_bent(&mut are_flat, mesh.positions(), mesh.triangles(), given);
+    }
+    are_flat
+}
+
+/// The normals at the corners of a triangle; those of its plane in a mesh without normals.
+fn given(mesh: &TriMesh, triangle: usize) -> [Vector3<f64>; 3] {
+    let normals = mesh.triangles()[triangle].map(|index| mesh.normals().get(index as usize).copied());
+    normals.map(|normal| normal.unwrap_or_else(|| plane(mesh, triangle)))
+}
+
+/// The normal of a triangle's plane.
+fn plane(mesh: &TriMesh, triangle: usize) -> Vector3<f64> {
+    facet_normal(mesh.corners(mesh.triangles()[triangle]))
+}
+
 /// The flat facets of a mesh: triangles with one normal that continue one another in a plane.
 struct Shading {
     opposite: Vec<u32>,
@@ -172,21 +200,9 @@ impl Turn {
 impl Shading {
     /// `None` where no triangle is shaded flat.
     fn of(mesh: &TriMesh) -> Option<Self> {
-        let plane = |triangle: usize| facet_normal(mesh.corners(mesh.triangles()[triangle]));
-        let given = |triangle: usize| {
-            let normals = mesh.triangles()[triangle].map(|index| mesh.normals().get(index as usize).copied());
-            normals.map(|normal| normal.unwrap_or_else(|| plane(triangle)))
-        };
-        let is_flat = |triangle: usize| {
-            let given = given(triangle);
-            let is_own = |normal: &Vector3<f64>| {
-                normal.dot(&plane(triangle)).abs() >= SAME_NORMAL.cos()
-                    && (normal - given[0]).norm() < ROUNDED
-            };
-            given.iter().all(is_own)
-        };
+        let given = |triangle: usize| given(mesh, triangle);
         let count = mesh.triangles().len();
-        let are_flat: Vec<bool> = (0..count).map(is_flat).collect();
+        let are_flat = are_flat(mesh);
         if !are_flat.contains(&true) {
             return None;
         }

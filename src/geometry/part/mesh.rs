@@ -164,6 +164,16 @@ impl TriMesh {
         self
     }
 
+    /// The same mesh with other normals; `changed` returns that of a vertex for the one that it has.
+    pub(super) fn with_changed_normals(
+        mut self,
+        changed: impl Fn(usize, Vector3<f64>) -> Vector3<f64>,
+    ) -> Self {
+        let normals = self.normals.iter_mut().enumerate();
+        normals.for_each(|(vertex, normal)| *normal = changed(vertex, *normal));
+        self
+    }
+
     /// The mesh with only the triangles for which `is_kept` is true.
     pub(super) fn with_only(&self, is_kept: &[bool]) -> Self {
         let kept = self.triangles.iter().zip(is_kept).filter(|(_, is_kept)| **is_kept);

@@ -4,6 +4,7 @@ pub mod mesh;
 pub mod point_cloud;
 pub(crate) mod disjoint_sets;
 pub(crate) mod adjacency;
+pub mod polygons;
 pub mod winding;
 pub(crate) mod rounding;
 pub mod noise;

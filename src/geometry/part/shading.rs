@@ -10,6 +10,7 @@ use super::adjacency::{NONE, sliver_side, weld};
 use super::chord_normals::{self, Chord};
 use super::flats::{self, PlaneOf};
 use super::mesh::TriMesh;
+use super::polygons::{self, Outline};
 use super::smooth_mesh::{MOST_BEND, SmoothMesh};
 use crate::geometry::space::View;
 
@@ -111,6 +112,8 @@ struct Facet {
     is_of_polygon: bool,
     /// The longer of the sides that meet at the corner, mm.
     reach: f64,
+    /// The polygon that it may have been cut from.
+    outline: Outline,
 }
 
 /// What the normals of a file are.
@@ -273,7 +276,7 @@ fn bulges_alone(mesh: &TriMesh, there: &Averages) -> bool {
 }
 
 /// Number of ways in which modelling programs weight the facets round a vertex.
-const WEIGHTINGS: usize = 10;
+const WEIGHTINGS: usize = 14;
 
 /// The triangles within three vertices of the given ones, on which their estimates depend: as a mesh, and their
 /// indices in ascending order.
@@ -366,7 +369,17 @@ impl Averages {
             let over = |polygons: &[Polygon], weight: &dyn Fn(&Polygon) -> f64| {
                 direction(polygons.iter().map(|polygon| polygon.normal * weight(polygon)).sum())
             };
+            let mut outlines: Vec<&Outline> = shared.iter().map(|facet| &facet.outline).collect();
+            outlines.sort_by_key(|outline| outline.number);
+            outlines.dedup_by_key(|outline| outline.number);
+            let of_outlines = |weight: &dyn Fn(&Outline) -> f64| {
+                direction(outlines.iter().map(|outline| direction(outline.across) * weight(outline)).sum())
+            };
             let averages = [
+                of_outlines(&|outline| outline.angle),
+                of_outlines(&|outline| outline.across.norm()),
+                of_outlines(&|_| 1.0),
+                of_outlines(&|outline| outline.across.norm() * outline.angle),
                 sum(&|facet| facet.angle),
                 sum(&|facet| facet.area),
                 sum(&|_| 1.0),
@@ -450,6 +463,10 @@ impl Places {
             }
         }
         let mut facets: Vec<Vec<Facet>> = (0..count).map(|_| Vec::new()).collect();
+        let places_of = |corners: &[u32; 3]| corners.map(|vertex| welded[vertex as usize]);
+        let places: Vec<[u32; 3]> = mesh.triangles().iter().map(places_of).collect();
+        let halves = polygons::halves(&places);
+        let whole = |triangle: usize| (triangle, places[triangle], mesh.corners(mesh.triangles()[triangle]));
         for (triangle, &corners) in mesh.triangles().iter().enumerate() {
             let points = mesh.corners(corners);
             if sliver_side(points).is_some() {
@@ -473,6 +490,11 @@ impl Places {
                     plane_area: planes.map_or(area, |planes| planes[triangle].area),
                     is_of_polygon: planes.is_none_or(|planes| planes[triangle].is_polygon),
                     reach: first.norm().max(second.norm()),
+                    outline: polygons::outline(
+                        whole(triangle),
+                        (halves[triangle] != NONE).then(|| whole(halves[triangle] as usize)),
+                        corner,
+                    ),
                 });
             }
         }

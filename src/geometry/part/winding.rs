@@ -3,8 +3,16 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, opposite_sides, weld};
+use super::adjacency::{NONE, opposite_sides, sliver_side, weld};
+use super::flat_shading;
 use super::mesh::TriMesh;
+
+/// Directions are told apart if they differ by more than this, rad: files round normals to three or four digits.
+const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
+/// Where more than this share of the vertices meets triangles that run in opposite ways, the other normals tell nothing more.
+const FEW: f64 = 0.25;
+/// Share of the triangles whose normals may differ from their planes where all are shaded flat: slivers have no well-defined plane.
+const SLIVERS: f64 = 0.01;
 
 /// What was found of a mesh whose triangles were made to run alike.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -13,32 +21,160 @@ pub struct Winding {
     pub reversed: usize,
     /// The first place, mm, where two neighbours cannot run alike because the mesh has only one side, as a Möbius strip.
     pub contradiction: Option<Point3<f64>>,
+    /// Vertices whose normals in the file are averages over triangles that run in opposite ways: they are missing now.
+    pub spoilt_normals: usize,
 }
 
 /// The mesh with triangles that all run alike: neighbours run along their common side in opposite directions. A closed body
 /// whose triangles disagree gets its outside outside; of an open one the smaller area is reversed.
 ///
-/// Where triangles have normals, each runs as its own normals ask for, and nothing is counted. A one-sided mesh keeps a seam
-/// across which its triangles disagree. A triangle that is in the mesh once more is no neighbour of its copy: both are reversed, or none.
+/// Where triangles have normals, each runs as its own normals ask for, and nothing is counted, unless the normals were computed from
+/// triangles that ran in opposite ways. A one-sided mesh keeps a seam across which its triangles disagree. A triangle that is in the
+/// mesh once more is no neighbour of its copy: both are reversed, or none.
 pub fn made_alike(mesh: TriMesh) -> (TriMesh, Winding) {
-    if !mesh.normals().is_empty() {
-        let is_against = |&corners: &[u32; 3]| runs_against_normals(&mesh, corners);
-        let is_reversed: Vec<bool> = mesh.triangles().iter().map(is_against).collect();
-        return (mesh.with_reversed(&is_reversed), Winding::default());
-    }
     let welded = weld(mesh.positions());
     let places: Vec<[u32; 3]> =
         mesh.triangles().iter().map(|corners| corners.map(|vertex| welded[vertex as usize])).collect();
     let sides = Sides { opposite: opposite_sides(&places), places };
     if (0..sides.opposite.len()).all(|side| sides.agrees(side)) {
-        return (mesh, Winding::default());
+        return as_normals_ask(mesh);
     }
     let copies = copies(&sides.places);
     let sides = if copies.is_empty() { sides } else { sides.without(&copies) };
     let (mut is_reversed, contradiction) = reversals(&mesh, &sides);
     copies.iter().for_each(|&[first, copy]| is_reversed[copy] = is_reversed[first]);
     let reversed = is_reversed.iter().filter(|reversed| **reversed).count();
-    (mesh.with_reversed(&is_reversed), Winding { reversed, contradiction })
+    let winding = Winding { reversed, contradiction, spoilt_normals: 0 };
+    if mesh.normals().is_empty() {
+        return (mesh.with_reversed(&is_reversed), winding);
+    }
+    let mixed = Mixed::of(&mesh, &welded, &is_reversed);
+    if !mixed.explains_normals(&mesh) {
+        return as_normals_ask(mesh);
+    }
+    let (mesh, spoilt_normals) = mixed.without_spoilt_normals(mesh, &welded);
+    (mesh.with_reversed(&is_reversed), Winding { spoilt_normals, ..winding })
+}
+
+/// The mesh with triangles that run as their own normals ask for.
+fn as_normals_ask(mesh: TriMesh) -> (TriMesh, Winding) {
+    if mesh.normals().is_empty() {
+        return (mesh, Winding::default());
+    }
+    let is_against = |&corners: &[u32; 3]| runs_against_normals(&mesh, corners);
+    let is_reversed: Vec<bool> = mesh.triangles().iter().map(is_against).collect();
+    (mesh.with_reversed(&is_reversed), Winding::default())
+}
+
+/// Triangles round something: sums of their normals, as they run in the file, weighted by their angles there.
+#[derive(Clone, Copy, Default)]
+struct Around {
+    /// Of those that run right.
+    kept: Vector3<f64>,
+    /// Of those that were reversed.
+    reversed: Vector3<f64>,
+    counts: [usize; 2],
+}
+
+impl Around {
+    fn add(&mut self, normal: Vector3<f64>, is_reversed: bool) {
+        *(if is_reversed { &mut self.reversed } else { &mut self.kept }) += normal;
+        self.counts[usize::from(is_reversed)] += 1;
+    }
+
+    fn is_mixed(&self) -> bool {
+        !self.counts.contains(&0)
+    }
+}
+
+/// Where triangles that were reversed meet others.
+struct Mixed {
+    of_vertex: Vec<Around>,
+    /// For each place, whether it has triangles of both kinds.
+    is_mixed: Vec<bool>,
+    /// Whether all triangles there are shaded flat, so that none has a share in the normals of the others.
+    is_flat: bool,
+}
+
+impl Mixed {
+    fn of(mesh: &TriMesh, welded: &[u32], is_reversed: &[bool]) -> Self {
+        let places = welded.iter().max().map_or(0, |last| *last as usize + 1);
+        let mut of_vertex = vec![Around::default(); mesh.positions().len()];
+        let mut of_place = vec![Around::default(); places];
+        for (&corners, &is_reversed) in mesh.triangles().iter().zip(is_reversed) {
+            let points = mesh.corners(corners);
+            if sliver_side(points).is_some() {
+                continue;
+            }
+            let normal = area_vector(mesh, corners).normalize();
+            for corner in 0..3 {
+                let [here, next, last] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);
+                let weighted = normal * (next - here).angle(&(last - here));
+                of_vertex[corners[corner] as usize].add(weighted, is_reversed);
+                of_place[welded[corners[corner] as usize] as usize].add(weighted, is_reversed);
+            }
+        }
+        let is_mixed: Vec<bool> = of_place.iter().map(Around::is_mixed).collect();
+        let is_flat = flat_shading::are_flat(mesh);
+        let (mut all, mut flat) = (0usize, 0usize);
+        for (corners, is_flat) in mesh.triangles().iter().zip(is_flat) {
+            if corners.iter().any(|&vertex| is_mixed[welded[vertex as usize] as usize]) {
+                all += 1;
+                flat += usize::from(is_flat);
+            }
+        }
+        Self { of_vertex, is_mixed, is_flat: (all - flat) as f64 <= SLIVERS * all as f64 }
+    }
+
+    /// Whether the file's normals follow the triangles as they run in the file, and not as they should run: then they were computed from
+    /// the triangles. Normals of the modelled surface show its outside also where the triangles do not.
+    fn explains_normals(&self, mesh: &TriMesh) -> bool {
+        let off =
+            |normal: &Vector3<f64>, sum: Vector3<f64>| normal.cross(&sum).norm().atan2(normal.dot(&sum));
+        let (mut for_file, mut for_surface) = (0usize, 0usize);
+        for (around, normal) in self.of_vertex.iter().zip(mesh.normals()) {
+            let Around { kept, reversed, counts: [_, any_reversed] } = *around;
+            if any_reversed == 0 || *normal == Vector3::zeros() {
+                continue;
+            }
+            let surface = kept - reversed;
+            let from_file = off(normal, kept + reversed);
+            // A surface that is known but for its sign.
+            let from_surface = match around.is_mixed() {
+                true => off(normal, surface).min(off(normal, -surface)),
+                false => off(normal, surface),
+            };
+            if from_file + SAME < from_surface {
+                for_file += 1;
+            } else if from_surface + SAME < from_file {
+                for_surface += 1;
+            }
+        }
+        for_file > for_surface
+    }
+
+    /// The mesh whose normals show the outside of the reversed triangles, without those that are averages over triangles which run in
+    /// opposite ways, and their number. A mesh with few others keeps none.
+    fn without_spoilt_normals(&self, mesh: TriMesh, welded: &[u32]) -> (TriMesh, usize) {
+        let is_spoilt = |vertex: usize| !self.is_flat && self.is_mixed[welded[vertex] as usize];
+        let is_used = |vertex: &usize| self.of_vertex[*vertex].counts != [0, 0];
+        let used = (0..welded.len()).filter(is_used).count();
+        let spoilt = (0..welded.len()).filter(|vertex| is_used(vertex) && is_spoilt(*vertex)).count();
+        if spoilt as f64 > FEW * used as f64 {
+            return (mesh.without_normals(), used);
+        }
+        let repaired = |vertex: usize, normal: Vector3<f64>| {
+            let Around { reversed, counts: [kept, _], .. } = self.of_vertex[vertex];
+            if is_spoilt(vertex) {
+                Vector3::zeros()
+            } else if kept == 0 && normal.dot(&reversed) > 0.0 {
+                -normal
+            } else {
+                normal
+            }
+        };
+        (mesh.with_changed_normals(repaired), spoilt)
+    }
 }
 
 fn runs_against_normals(mesh: &TriMesh, corners: [u32; 3]) -> bool {
