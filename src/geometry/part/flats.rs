@@ -5,8 +5,6 @@
 //! of a short chord lean away from it by equal and opposite angles (exactly on circles, to third order elsewhere),
 //! and at its far end all facets have similar widths.
 
-use std::cell::OnceCell;
-
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, sliver_side};
@@ -105,13 +103,13 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
     let mut deviations = vec![0.0f64; mesh.positions.len()];
     let mut is_flat = vec![false; planes.normals.len()];
     let is_surrounded = planes.are_surrounded(mesh);
-    let are_round = OnceCell::new();
+    let mut are_round: Option<Vec<bool>> = None;
     for (&vertex, derived) in uneven.iter().zip(derived) {
         let Some(span) = spans.of_vertex(vertex) else { continue };
         let widest = span.widest as usize;
         if derived.is_none()
             && planes.are_divided[widest]
-            && are_round.get_or_init(|| planes.are_round(mesh))[widest]
+            && are_round.get_or_insert_with(|| planes.are_round(mesh))[widest]
         {
             continue;
         }
