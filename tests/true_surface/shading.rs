@@ -369,12 +369,142 @@ fn slivers_distort_no_cylinder_and_cause_no_doubt() {
     }
 }
 
+/// Cylinders of which some lengthwise edges are missing, as after removing edges or planar decimation: each normal leans from the
+/// radius towards its wider facet.
+#[test]
+fn averages_of_unequal_facets_distort_no_cylinder() {
+    let regular = |count: i32, is_kept: fn(i32) -> bool| -> Vec<f64> {
+        (0..count)
+            .filter(|&step| is_kept(step))
+            .map(|step| TAU * f64::from(step) / f64::from(count))
+            .collect()
+    };
+    let sections = [
+        ("every third missing, once two wide", regular(32, |step| step % 3 != 0)),
+        ("every third missing", regular(36, |step| step % 3 != 0)),
+        ("decimated", regular(96, |step| step % 4 == 0 || step % 12 == 2)),
+    ];
+    let mut failures = Vec::new();
+    for (section, angles) in sections {
+        for (name, weight) in WEIGHTS {
+            let profile: Vec<[f64; 2]> =
+                angles.iter().map(|angle| [20.0 * angle.cos(), 20.0 * angle.sin()]).collect();
+            let reading = read_bar(&shaded_bar(&profile, 40.0, weight));
+            let side = seen_from(&reading, Vector3::z());
+            let patch = Extents { min: Vector2::new(-12.0, -35.0), max: Vector2::new(12.0, 35.0) };
+            let fit = CylinderFit::to(&SampledPatch::under(&side, &patch).unwrap()).unwrap();
+            if !((fit.cylinder.radius - 20.0).abs() < 0.001 && fit.residual < 0.001) {
+                failures.push(format!("{section}, {name}: {fit:?}, {:?}", reading.facts.normals));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// A sheet of quadrangles of unequal sizes whose corners are not in one plane: averages over these are none over the triangles
+/// into which they are divided.
+#[test]
+fn averages_over_quadrangles_that_are_not_flat_only_shade() {
+    const COUNT: usize = 12;
+    let height = |x: f64, y: f64| 12.0 * (x / 28.0).cos() * (y / 24.0).cos();
+    // Steps of 1, 2 and 3 take turns, so that no place is in the middle of its neighbours.
+    let line = |half: f64, first: usize| {
+        let steps = (0..COUNT).map(|step| [1.0, 3.0, 2.0, 2.0, 1.0][(step + first) % 5]);
+        let ends: Vec<f64> = std::iter::once(0.0)
+            .chain(steps.scan(0.0, |sum, step| {
+                *sum += step;
+                Some(*sum)
+            }))
+            .collect();
+        let last = ends[COUNT];
+        ends.into_iter().map(move |end| half * (2.0 * end / last - 1.0)).collect::<Vec<f64>>()
+    };
+    let (columns, rows) = (line(40.0, 0), line(30.0, 2));
+    let points: Vec<Point3<f64>> =
+        rows.iter().flat_map(|&y| columns.iter().map(move |&x| Point3::new(x, y, height(x, y)))).collect();
+    let at = |column: usize, row: usize| row * (COUNT + 1) + column;
+    let quadrangles = (0..COUNT).flat_map(|row| {
+        (0..COUNT).map(move |column| {
+            vec![at(column, row), at(column + 1, row), at(column + 1, row + 1), at(column, row + 1)]
+        })
+    });
+    for (name, weight) in WEIGHTS {
+        let reading =
+            read_bar(&averaged_as_they_run(&points, &quadrangles.clone().collect::<Vec<_>>(), weight));
+        assert_eq!(reading.facts.normals, NormalsFound::Averaged, "{name}");
+        let surface = seen_from(&reading, Vector3::z());
+        let off = |x: f64, y: f64| {
+            (surface.sampled_height(ViewPoint::new(x, y)).unwrap_or(f64::INFINITY) - height(x, y)).abs()
+        };
+        let places = (-10..=10)
+            .flat_map(|column| (-8..=8).map(move |row| (3.0 * f64::from(column), 3.0 * f64::from(row))));
+        let most = places.map(|(x, y)| off(x, y)).fold(0.0, f64::max);
+        assert!(most < 0.1, "{name}: {most} mm");
+    }
+}
+
 #[test]
 fn cad_normals_are_not_treated_as_shading() {
+    let mut failures = Vec::new();
     for form in ALL {
         for sag in [0.02, 0.1, 0.5] {
-            assert!(!shading::only_shade(&form.mesh(sag, Normals::Exact)), "{} {sag}", form.name);
+            let mesh = form.mesh(sag, Normals::Exact);
+            // As files of few digits round them.
+            for step in [0.0, 0.001, 0.01, 0.05] {
+                let round = |at: &Point3<f64>| match step > 0.0 {
+                    true => Point3::from(at.coords.map(|value| (value / step).round() * step)),
+                    false => *at,
+                };
+                let places = mesh.positions().iter().map(round).collect();
+                let Ok(rounded) = TriMesh::new(places, mesh.normals().to_vec(), mesh.triangles().to_vec())
+                else {
+                    continue;
+                };
+                if shading::only_shade(&rounded) {
+                    failures.push(format!("{} {sag}, rounded to {step} mm", form.name));
+                }
+            }
         }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// The normals of an ellipse whose facets all turn by the same angle, and of a cylinder whose facets do not, are the surface's.
+#[test]
+fn cad_normals_of_unequal_facets_are_not_treated_as_shading() {
+    let normals_of = |turns: &[f64], half_axes: [f64; 2]| {
+        let place = |normal: f64| {
+            let [wide, high] = half_axes;
+            let (along, up) = (wide * wide * normal.cos(), high * high * normal.sin());
+            let size = (wide * normal.cos()).hypot(high * normal.sin());
+            [along / size, up / size]
+        };
+        let (mut points, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+        let count = turns.len();
+        for y in [-40.0, 40.0] {
+            for &turn in turns {
+                let [x, z] = place(turn);
+                points.push(Point3::new(x, y, z));
+                normals.push(Vector3::new(turn.cos(), 0.0, turn.sin()));
+            }
+        }
+        for first in 0..count {
+            let second = (first + 1) % count;
+            let [a, b, c, d] = [first, second, count + second, count + first].map(|index| index as u32);
+            triangles.extend([[a, c, b], [a, d, c]]);
+        }
+        TriMesh::new(points, normals, triangles).unwrap()
+    };
+    let even: Vec<f64> = (0..32).map(|step| TAU * f64::from(step) / 32.0).collect();
+    let uneven: Vec<f64> =
+        (0..36).filter(|step| step % 3 != 0).map(|step| TAU * f64::from(step) / 36.0).collect();
+    for (name, turns, half_axes) in [
+        ("ellipse", &even, [25.6, 16.0]),
+        ("narrow ellipse", &even, [40.0, 16.0]),
+        ("uneven cylinder", &uneven, [20.0, 20.0]),
+        ("uneven ellipse", &uneven, [25.6, 16.0]),
+    ] {
+        assert!(!shading::only_shade(&normals_of(turns, half_axes)), "{name}");
     }
 }
 

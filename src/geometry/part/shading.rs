@@ -31,6 +31,18 @@ const SMALL: usize = 6_000;
 /// Two directions are distinguished when their angle is at least this share of the facets' bend at the vertex:
 /// estimates on coarse meshes are wrong by a few per cent of it.
 const MIN_SHARE_OF_BEND: f64 = 0.2;
+/// The same share where everything is an average, and the curvature or the leans of the file's normals are so many times as uneven as
+/// those of the estimate.
+const MIN_SHARE_WHERE_SMOOTHER: f64 = 0.05;
+const MANY_TIMES_SMOOTHER: f64 = 10.0;
+const MANY_TIMES_EVENER: f64 = 3.0;
+/// One way to fit is notably worse than another if it is worse by this factor.
+const MUCH_SMOOTHER: f64 = 1.5;
+/// Normals that are no averages of the triangles only shade if at least so many fit the sides of the facets worse than the estimate:
+/// of all between bent facets, of those that differ from it, and for each that fits better.
+const MIN_SHARE_OF_UNEVEN: f64 = 0.1;
+const MIN_SHARE_OF_BETTER: f64 = 1.0 / 3.0;
+const MANY_TIMES: usize = 4;
 /// The smallest distinguished angle, rad, where the estimate is the normal of one of the facets, as beside a flat side.
 const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
 /// The same share where the estimate stands at right angles to a side, to within this sine, that the file's normal would make
@@ -40,6 +52,8 @@ const RIGHT_ANGLE: f64 = 1e-3;
 const NOTABLE_BULGE: f64 = 0.02;
 /// A vertex votes for one of two directions when the file's normal is within this share of their angle from it.
 const VOTE_SHARE: f64 = 0.25;
+/// The share of the angle between two directions by which they must fit the sides of the facets better or worse.
+const LEAN_SHARE: f64 = VOTE_SHARE * std::f64::consts::FRAC_1_SQRT_2;
 /// The share of the normals between bent facets that must be averages before the estimate is computed at all.
 const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 
@@ -137,7 +151,9 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
 /// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
 /// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
 /// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
-/// one: the vertex then votes for a surface. So does a vertex at the border of a curved face whose normal leaves the facets there.
+/// one: the vertex then votes for a surface. Where all normals are averages, small differences count, too, if the estimate has one
+/// curvature or leans far more evenly, as on a cylinder whose facets are not all as wide. Whatever they average, normals only shade
+/// where the estimate fits the facets better nearly wherever the two differ. For a surface votes also a vertex at the border of a curved face whose normal leaves the facets there.
 pub fn judged(mesh: &TriMesh) -> Judgement {
     if mesh.normals().is_empty() {
         return Judgement::default();
@@ -159,7 +175,8 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
     };
     let all = averages.len();
     let judgement = |only_shades: bool| Judgement { only_shades, averages: averaged, of: all };
-    if averages.is_empty() || (averaged as f64) < MIN_SHARE_OF_AVERAGES * all as f64 {
+    let are_averages = averaged as f64 >= MIN_SHARE_OF_AVERAGES * all as f64;
+    if averages.is_empty() || !are_averages && !may_be_uneven(mesh, &averages) {
         return judgement(false);
     }
     let is_all = averaged as f64 > ALL_AVERAGES * all as f64;
@@ -167,27 +184,28 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
     if is_all && 2 * steep > all {
         return judgement(true);
     }
-    let (smooth, part) = match whole {
-        Some(smooth) => (smooth, None),
+    let estimate = match whole {
+        Some(smooth) => Estimate { smooth, part: None },
         None => {
             let every = averages.len().div_ceil(MAX_VOTES).max(1);
             averages = averages.into_iter().step_by(every).collect();
-            let Some((part, triangles)) = neighbourhood(mesh, averages.iter().map(|there| there.corner / 3))
-            else {
+            let near = averages.iter().map(|there| there.corner / 3);
+            let Some((part, triangles)) = neighbourhood(mesh, near) else {
                 return judgement(false);
             };
-            (estimate(part), Some(triangles))
+            Estimate { smooth: estimate(part), part: Some(triangles) }
         }
     };
+    if are_uneven(mesh, &averages, &estimate) {
+        return judgement(true);
+    }
+    if !are_averages {
+        return judgement(false);
+    }
     let mut shading = 0usize;
     let mut surface: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
     for there in &averages {
-        let triangle = there.corner / 3;
-        let Some(triangle) = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok())
-        else {
-            continue;
-        };
-        let estimated = smooth.corners(triangle).1[there.corner % 3];
+        let Some(estimated) = estimate.normal(there.corner) else { continue };
         let average = there.averages[weighting];
         let apart = angle(average, estimated);
         let least = if there.is_normal_of_a_face(estimated) {
@@ -197,30 +215,26 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
         } else {
             SAME.max(there.bend * MIN_SHARE_OF_BEND)
         };
-        if apart < least {
+        // Where everything is an average, an estimate that turns so much more evenly is better than it is elsewhere.
+        let is_close = apart < least;
+        if is_close && !(is_all && apart >= SAME.max(there.bend * MIN_SHARE_WHERE_SMOOTHER)) {
             continue;
         }
         if angle(there.file, average) < apart * VOTE_SHARE {
-            let estimate_at = |corner: usize| {
-                let triangle = corner / 3;
-                let known = part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok());
-                known.map(|known| smooth.corners(known).1)
-            };
-            let of_file = |corner: usize| {
-                Some(mesh.triangles()[corner / 3].map(|index| mesh.normals()[index as usize]))
-            };
-            let of_file = chords_at(mesh, &there.shared, of_file);
             // In the root mean square over all directions, two normals lean differently by this share of their angle.
-            let limit = apart * VOTE_SHARE / std::f64::consts::SQRT_2;
-            let is_smoother = || {
-                let of_estimate = chords_at(mesh, &there.shared, estimate_at);
-                chord_normals::unevenness(&of_estimate) > chord_normals::unevenness(&of_file) + limit
-            };
-            let is_smooth = chord_normals::are_of_smooth_curves(of_file.iter().map(|chord| (*chord, 1.0)));
+            let limit = apart * LEAN_SHARE;
+            let [of_file, of_estimate] = chords_of_both(mesh, there, &estimate);
+            if is_close {
+                shading += usize::from(is_proven(&of_file, there.file, &of_estimate, estimated, limit));
+                continue;
+            }
+            let is_smoother =
+                || chord_normals::unevenness(&of_estimate) > chord_normals::unevenness(&of_file) + limit;
+            let is_smooth = are_of_smooth_curves(&of_file);
             // Between facets as narrow as those of a small chamfer or fillet, the estimate may take each turn round the part for
             // an edge; as normals of flat facets, its normals lean evenly then, too.
             let splits = there.shared.iter().any(|&corner| {
-                estimate_at(corner).is_some_and(|normals| !is_within(normals[corner % 3], estimated, SAME))
+                estimate.normal(corner).is_some_and(|normal| !is_within(normal, estimated, SAME))
             });
             if splits && is_smooth && of_file.iter().all(|chord| chord.turn() < MOST_BEND) {
                 continue;
@@ -230,12 +244,112 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
             } else {
                 shading += 1;
             }
-        } else if angle(there.file, estimated) < apart * VOTE_SHARE {
+        } else if !is_close && angle(there.file, estimated) < apart * VOTE_SHARE {
             surface += 1;
         }
     }
     // Where as many speak for either, averages everywhere are no accident.
     judgement(shading > surface || (is_all && shading > 0 && shading == surface))
+}
+
+/// The normals that [`SmoothMesh`] estimates for a mesh.
+struct Estimate {
+    smooth: SmoothMesh,
+    /// The triangles of the mesh that it has, in ascending order; all if not given.
+    part: Option<Vec<usize>>,
+}
+
+impl Estimate {
+    /// The normals of a triangle of the mesh, if they were estimated.
+    fn normals(&self, triangle: usize) -> Option<[Vector3<f64>; 3]> {
+        let own = self.part.as_ref().map_or(Some(triangle), |part| part.binary_search(&triangle).ok());
+        own.map(|own| self.smooth.corners(own).1)
+    }
+
+    /// The normal at a corner, 3·triangle + 0, 1 or 2.
+    fn normal(&self, corner: usize) -> Option<Vector3<f64>> {
+        self.normals(corner / 3).map(|normals| normals[corner % 3])
+    }
+}
+
+/// Whether one way in which normals fit their chords badly is notably worse than another: by more than a limit, rad.
+fn exceeds(one: f64, other: f64, limit: f64) -> bool {
+    one > other + limit && one > other * MUCH_SMOOTHER
+}
+
+/// Whether normals of chords that start at one place, where they are `file` and `estimated`, show that the estimate is better by more
+/// than a limit, rad: where the curvature is the same all round the place, as on a cylinder, or where those of the file lean unevenly,
+/// which those of arcs of different radii do not.
+fn is_proven(
+    of_file: &[Chord],
+    file: Vector3<f64>,
+    of_estimate: &[Chord],
+    estimated: Vector3<f64>,
+    limit: f64,
+) -> bool {
+    let proves = |file: f64, own: f64, times: f64| file > own + limit && file > own * times;
+    let [rough, smoothest] = [(of_file, file), (of_estimate, estimated)]
+        .map(|(chords, normal)| chord_normals::roughness(chords, &normal));
+    let [uneven, evenest] = [of_file, of_estimate].map(chord_normals::unevenness);
+    proves(rough, smoothest, MANY_TIMES_SMOOTHER) || proves(uneven, evenest, MANY_TIMES_EVENER)
+}
+
+/// Whether normals lean from chords as those of a smooth surface do.
+fn are_of_smooth_curves(chords: &[Chord]) -> bool {
+    chord_normals::are_of_smooth_curves(chords.iter().map(|chord| (*chord, 1.0)))
+}
+
+/// The sides that meet at a vertex with the normals of the file, and with the estimated ones.
+fn chords_of_both(mesh: &TriMesh, there: &Averages, estimate: &Estimate) -> [Vec<Chord>; 2] {
+    let of_estimate = chords_at(mesh, &there.shared, |corner| estimate.normals(corner / 3));
+    [chords_of_file(mesh, there), of_estimate]
+}
+
+/// The sides that meet at a vertex with the normals of the file.
+fn chords_of_file(mesh: &TriMesh, there: &Averages) -> Vec<Chord> {
+    chords_at(mesh, &there.shared, |corner| {
+        Some(mesh.triangles()[corner / 3].map(|index| mesh.normals()[index as usize]))
+    })
+}
+
+/// Whether so many normals of the file lean unevenly that [`are_uneven`] may hold, which takes longer.
+fn may_be_uneven(mesh: &TriMesh, averages: &[Averages]) -> bool {
+    let may_be = |there: &&Averages| {
+        let least = there.notably_apart() * LEAN_SHARE;
+        chord_normals::unevenness(&chords_of_file(mesh, there)) > least
+    };
+    averages.iter().filter(may_be).count() as f64 >= MIN_SHARE_OF_UNEVEN * averages.len() as f64
+}
+
+/// Whether the estimate fits the sides of the facets better than the normals of the file nearly wherever the two differ: nothing
+/// but shading is further from a surface through the vertices, whatever it averages. The facets that are averaged may be polygons
+/// that are not in one plane, of which the file knows the triangles only.
+///
+/// Normals of the surface fit as smooth curves do, about as well as the estimate on smooth faces, and better beside edges. Where the places are
+/// rounded, the estimate fits them better but turns from one to the next as no surface does.
+fn are_uneven(mesh: &TriMesh, averages: &[Averages], estimate: &Estimate) -> bool {
+    let (mut apart, mut better, mut worse) = (0usize, 0usize, 0usize);
+    for there in averages {
+        let Some(estimated) = estimate.normal(there.corner) else { continue };
+        let between = angle(there.file, estimated);
+        if between < there.notably_apart() {
+            continue;
+        }
+        apart += 1;
+        let limit = between * LEAN_SHARE;
+        let [of_file, of_estimate] = chords_of_both(mesh, there, estimate);
+        let [file, own] = [&of_file, &of_estimate].map(|chords| chord_normals::unevenness(chords));
+        let [rough, smoothest] = [(&of_file, there.file), (&of_estimate, estimated)]
+            .map(|(chords, normal)| chord_normals::roughness(chords, &normal));
+        if exceeds(own, file, limit) || exceeds(smoothest, rough, limit) {
+            worse += 1;
+        } else if exceeds(file, own, limit) && !are_of_smooth_curves(&of_file) {
+            better += 1;
+        }
+    }
+    better as f64 > MIN_SHARE_OF_BETTER * apart as f64
+        && better > MANY_TIMES * worse
+        && better as f64 >= MIN_SHARE_OF_UNEVEN * averages.len() as f64
 }
 
 /// The sides that meet at a vertex, which is a corner of several facets, each for each of its facets. `normals` returns those of
@@ -397,6 +511,11 @@ impl Averages {
             found.push(Self { corner, shared, file, bend, averages, faces });
         }
         found
+    }
+
+    /// The angle from which two normals differ notably there, rad.
+    fn notably_apart(&self) -> f64 {
+        (2.0 * SAME).max(self.bend * MIN_SHARE_OF_BEND / 2.0)
     }
 
     /// Whether a normal is at right angles to a side that the file's normal bends.

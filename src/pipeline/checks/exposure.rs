@@ -2,6 +2,7 @@
 
 use super::{above_lens, off_surface, span};
 use crate::config::FocusSteps;
+use crate::formats::mesh::NormalsChoice;
 use crate::geometry::correction::Projection;
 use crate::geometry::space::ViewPoint;
 use crate::pipeline::causes::Cause;
@@ -227,12 +228,20 @@ fn doubt(
     let (largest, limit) = (seen.max_doubt, settings.correction.max_residual);
     let at = seen.max_doubt_at;
     if largest > limit {
+        let estimate = match settings.part.normals {
+            NormalsChoice::Estimate => "",
+            _ => {
+                "set `normals = \"estimate\"` under [part] (`--normals estimate`), which takes them from the facets; "
+            }
+        };
         return Err(Reason::new(
             "normals-contradict-facets",
             "Under the drawing, the part's normals contradict its facets, as with smooth shading next to a flat side. \
              The surface between the vertices is not known accurately enough.",
-            "Export the part from CAD with its own normals or with a smaller deviation; in Blender, use a finer bevel \
-             or flat shading; or raise `max_residual_mm`.",
+            format!(
+                "Export the part from CAD with its own normals or with a smaller deviation; {estimate}in Blender, use a finer \
+                 bevel or flat shading; or raise `max_residual_mm`."
+            ),
         )
         .at(Place { coordinate: Some(vec![at.x, at.y]), ..Place::default() })
         .with_number("uncertainty of the height", largest, "mm", Some(limit)));
