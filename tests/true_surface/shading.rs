@@ -450,7 +450,7 @@ fn cad_normals_are_not_treated_as_shading() {
         for sag in [0.02, 0.1, 0.5] {
             let mesh = form.mesh(sag, Normals::Exact);
             // As files of few digits round them.
-            for step in [0.0, 0.001, 0.01, 0.05] {
+            for step in [0.0, 0.001, 0.01, 0.1] {
                 let round = |at: &Point3<f64>| match step > 0.0 {
                     true => Point3::from(at.coords.map(|value| (value / step).round() * step)),
                     false => *at,

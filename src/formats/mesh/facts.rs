@@ -241,7 +241,7 @@ pub enum NormalsFound {
     /// them, with welded vertices.
     FacetsOnly,
     /// They are averages of the facets around a vertex, as for smooth shading, and differ from the normals of the
-    /// surface, or fit the facets as badly as these. They only show where the part has edges.
+    /// surface. They only show where the part has edges.
     Averaged,
     /// They follow the surface.
     Smooth,
@@ -389,12 +389,6 @@ impl NormalsFound {
             }
             Self::None => "the file has no normals".to_owned(),
             Self::FacetsOnly => "the file's normals only repeat the flat facets".to_owned(),
-            Self::Averaged if 2 * judged.averages < judged.of => format!(
-                "the file's normals fit the facets worse than estimated ones nearly wherever the two differ, as smooth shading \
-                 does over polygons that are not flat or not regular (of {} normals between facets that are not in one plane, {} \
-                 are averages of these facets)",
-                judged.of, judged.averages
-            ),
             Self::Averaged => format!(
                 "the file's normals are averages for smooth shading, not the normals of the surface (of {} normals between facets \
                  that are not in one plane, {} are averages of these facets)",

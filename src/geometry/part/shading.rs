@@ -36,13 +36,8 @@ const MIN_SHARE_OF_BEND: f64 = 0.2;
 const MIN_SHARE_WHERE_SMOOTHER: f64 = 0.05;
 const MANY_TIMES_SMOOTHER: f64 = 10.0;
 const MANY_TIMES_EVENER: f64 = 3.0;
-/// One way to fit is notably worse than another if it is worse by this factor.
-const MUCH_SMOOTHER: f64 = 1.5;
-/// Normals that are no averages of the triangles only shade if at least so many fit the sides of the facets worse than the estimate:
-/// of all between bent facets, of those that differ from it, and for each that fits better.
-const MIN_SHARE_OF_UNEVEN: f64 = 0.1;
-const MIN_SHARE_OF_BETTER: f64 = 1.0 / 3.0;
-const MANY_TIMES: usize = 4;
+/// Rounding makes them uneven by at most so many times its standard deviation over the shortest side, rad.
+const BY_CHANCE: f64 = 4.0;
 /// The smallest distinguished angle, rad, where the estimate is the normal of one of the facets, as beside a flat side.
 const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
 /// The same share where the estimate stands at right angles to a side, to within this sine, that the file's normal would make
@@ -152,8 +147,8 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
 /// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
 /// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
 /// one: the vertex then votes for a surface. Where all normals are averages, small differences count, too, if the estimate has one
-/// curvature or leans far more evenly, as on a cylinder whose facets are not all as wide. Whatever they average, normals only shade
-/// where the estimate fits the facets better nearly wherever the two differ. For a surface votes also a vertex at the border of a curved face whose normal leaves the facets there.
+/// curvature or leans far more evenly, as on a cylinder whose facets are not all as wide. A vertex at the border of a curved face whose
+/// normal leaves the facets there votes for a surface.
 pub fn judged(mesh: &TriMesh) -> Judgement {
     if mesh.normals().is_empty() {
         return Judgement::default();
@@ -175,8 +170,7 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
     };
     let all = averages.len();
     let judgement = |only_shades: bool| Judgement { only_shades, averages: averaged, of: all };
-    let are_averages = averaged as f64 >= MIN_SHARE_OF_AVERAGES * all as f64;
-    if averages.is_empty() || !are_averages && !may_be_uneven(mesh, &averages) {
+    if averages.is_empty() || (averaged as f64) < MIN_SHARE_OF_AVERAGES * all as f64 {
         return judgement(false);
     }
     let is_all = averaged as f64 > ALL_AVERAGES * all as f64;
@@ -196,12 +190,6 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
             Estimate { smooth: estimate(part), part: Some(triangles) }
         }
     };
-    if are_uneven(mesh, &averages, &estimate) {
-        return judgement(true);
-    }
-    if !are_averages {
-        return judgement(false);
-    }
     let mut shading = 0usize;
     let mut surface: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
     for there in &averages {
@@ -225,6 +213,11 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
             let limit = apart * LEAN_SHARE;
             let [of_file, of_estimate] = chords_of_both(mesh, there, &estimate);
             if is_close {
+                let shortest = of_file
+                    .iter()
+                    .map(|chord| (chord.ends[1] - chord.ends[0]).norm())
+                    .fold(f64::INFINITY, f64::min);
+                let limit = limit.max(BY_CHANCE * estimate.smooth.rounding / shortest);
                 shading += usize::from(is_proven(&of_file, there.file, &of_estimate, estimated, limit));
                 continue;
             }
@@ -272,11 +265,6 @@ impl Estimate {
     }
 }
 
-/// Whether one way in which normals fit their chords badly is notably worse than another: by more than a limit, rad.
-fn exceeds(one: f64, other: f64, limit: f64) -> bool {
-    one > other + limit && one > other * MUCH_SMOOTHER
-}
-
 /// Whether normals of chords that start at one place, where they are `file` and `estimated`, show that the estimate is better by more
 /// than a limit, rad: where the curvature is the same all round the place, as on a cylinder, or where those of the file lean unevenly,
 /// which those of arcs of different radii do not.
@@ -301,55 +289,10 @@ fn are_of_smooth_curves(chords: &[Chord]) -> bool {
 
 /// The sides that meet at a vertex with the normals of the file, and with the estimated ones.
 fn chords_of_both(mesh: &TriMesh, there: &Averages, estimate: &Estimate) -> [Vec<Chord>; 2] {
-    let of_estimate = chords_at(mesh, &there.shared, |corner| estimate.normals(corner / 3));
-    [chords_of_file(mesh, there), of_estimate]
-}
-
-/// The sides that meet at a vertex with the normals of the file.
-fn chords_of_file(mesh: &TriMesh, there: &Averages) -> Vec<Chord> {
-    chords_at(mesh, &there.shared, |corner| {
+    let of_file = chords_at(mesh, &there.shared, |corner| {
         Some(mesh.triangles()[corner / 3].map(|index| mesh.normals()[index as usize]))
-    })
-}
-
-/// Whether so many normals of the file lean unevenly that [`are_uneven`] may hold, which takes longer.
-fn may_be_uneven(mesh: &TriMesh, averages: &[Averages]) -> bool {
-    let may_be = |there: &&Averages| {
-        let least = there.notably_apart() * LEAN_SHARE;
-        chord_normals::unevenness(&chords_of_file(mesh, there)) > least
-    };
-    averages.iter().filter(may_be).count() as f64 >= MIN_SHARE_OF_UNEVEN * averages.len() as f64
-}
-
-/// Whether the estimate fits the sides of the facets better than the normals of the file nearly wherever the two differ: nothing
-/// but shading is further from a surface through the vertices, whatever it averages. The facets that are averaged may be polygons
-/// that are not in one plane, of which the file knows the triangles only.
-///
-/// Normals of the surface fit as smooth curves do, about as well as the estimate on smooth faces, and better beside edges. Where the places are
-/// rounded, the estimate fits them better but turns from one to the next as no surface does.
-fn are_uneven(mesh: &TriMesh, averages: &[Averages], estimate: &Estimate) -> bool {
-    let (mut apart, mut better, mut worse) = (0usize, 0usize, 0usize);
-    for there in averages {
-        let Some(estimated) = estimate.normal(there.corner) else { continue };
-        let between = angle(there.file, estimated);
-        if between < there.notably_apart() {
-            continue;
-        }
-        apart += 1;
-        let limit = between * LEAN_SHARE;
-        let [of_file, of_estimate] = chords_of_both(mesh, there, estimate);
-        let [file, own] = [&of_file, &of_estimate].map(|chords| chord_normals::unevenness(chords));
-        let [rough, smoothest] = [(&of_file, there.file), (&of_estimate, estimated)]
-            .map(|(chords, normal)| chord_normals::roughness(chords, &normal));
-        if exceeds(own, file, limit) || exceeds(smoothest, rough, limit) {
-            worse += 1;
-        } else if exceeds(file, own, limit) && !are_of_smooth_curves(&of_file) {
-            better += 1;
-        }
-    }
-    better as f64 > MIN_SHARE_OF_BETTER * apart as f64
-        && better > MANY_TIMES * worse
-        && better as f64 >= MIN_SHARE_OF_UNEVEN * averages.len() as f64
+    });
+    [of_file, chords_at(mesh, &there.shared, |corner| estimate.normals(corner / 3))]
 }
 
 /// The sides that meet at a vertex, which is a corner of several facets, each for each of its facets. `normals` returns those of
@@ -511,11 +454,6 @@ impl Averages {
             found.push(Self { corner, shared, file, bend, averages, faces });
         }
         found
-    }
-
-    /// The angle from which two normals differ notably there, rad.
-    fn notably_apart(&self) -> f64 {
-        (2.0 * SAME).max(self.bend * MIN_SHARE_OF_BEND / 2.0)
     }
 
     /// Whether a normal is at right angles to a side that the file's normal bends.
