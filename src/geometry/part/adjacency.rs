@@ -87,7 +87,8 @@ impl Cell {
         let step = |axis: usize| if self.beside[axis] == 0 { 0..1 } else { 0..2 };
         let steps =
             step(0).flat_map(move |x| step(1).flat_map(move |y| step(2).map(move |z| Vector3::new(x, y, z))));
-        steps.map(|step| self.number + self.beside.component_mul(&step))
+        // Damaged files have positions beyond any cell.
+        steps.map(|step| self.number.zip_map(&self.beside.component_mul(&step), i64::saturating_add))
     }
 }
 
@@ -289,6 +290,14 @@ mod tests {
             copies.iter().flat_map(|copy| nodes.iter().map(move |node| Point3::from(node + copy))).collect();
         let expected: Vec<u32> = (0..3).flat_map(|_| 0..nodes.len() as u32).collect();
         assert_eq!(weld(&positions), expected);
+    }
+
+    #[test]
+    fn positions_beyond_any_cell_have_places() {
+        let along = [0.0, 1e300, -1e300, f64::MAX, f64::MIN, f64::INFINITY, 0.0];
+        let positions: Vec<Point3<f64>> = along.map(|x| Point3::new(x, -x, 1.0)).into();
+        let places = weld(&positions);
+        assert!(places[0] == places[6] && !places[1..6].contains(&places[0]), "{places:?}");
     }
 
     #[test]
