@@ -11,6 +11,7 @@ use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shapes;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
+use isomark::geometry::winding;
 use isomark::reason::Severity;
 use nalgebra::{Point3, Vector3};
 
@@ -245,6 +246,49 @@ fn normals_of_a_reversed_patch_are_turned_round() {
         let off = surface.nurbs.height(ViewPoint::new(x, y)) - shapes::sphere(x, y);
         // Between normals of the surface and estimated ones, at the rim of the sheet, it is a little further off than without normals.
         assert!(off.abs() < 0.01, "at ({x}, {y}): {off} mm");
+    }
+}
+
+/// The round top of a bar, one facet long, with exact normals, and the cap at one end.
+fn bar() -> (Vec<Point3<f64>>, Vec<Vector3<f64>>, Vec<[u32; 3]>, Vec<[u32; 3]>) {
+    let outward = |step: u32| {
+        let (sin, cos) = (f64::from(step) * 12.0 - 60.0).to_radians().sin_cos();
+        Vector3::new(0.0, sin, cos)
+    };
+    let ends = |x: f64| (0..=10).map(move |step| Point3::from(outward(step) * 20.0 + Vector3::x() * x));
+    let positions = ends(-30.0).chain(ends(30.0)).chain(ends(30.0)).collect();
+    let normals = (0..22).map(|index| outward(index % 11)).chain([Vector3::x(); 11]).collect();
+    let top = (0..10).flat_map(|at| [[at, at + 11, at + 12], [at, at + 12, at + 1]]).collect();
+    let cap = (23..32).map(|at| [22, at + 1, at]).collect();
+    (positions, normals, top, cap)
+}
+
+#[test]
+fn exact_normals_are_believed_beside_a_flipped_face_and_on_an_open_sheet() {
+    let reversed = |triangles: &[[u32; 3]], percent: usize| -> Vec<[u32; 3]> {
+        let turned = |(index, &[a, b, c]): (usize, &[u32; 3])| {
+            if is_chosen(index, percent) { [a, c, b] } else { [a, b, c] }
+        };
+        triangles.iter().enumerate().map(turned).collect()
+    };
+    let (positions, normals, top, cap) = bar();
+    // The cap with its own normals.
+    let mut flipped = normals.clone();
+    flipped[22..].iter_mut().for_each(|normal| *normal = -*normal);
+    let part = [top.clone(), reversed(&cap, 100)].concat();
+    let (alike, winding) = winding::made_alike(TriMesh::new(positions.clone(), flipped, part).unwrap());
+    assert_eq!(winding.spoilt_normals, 0);
+    assert_eq!(alike.normals()[..22], normals[..22]);
+    // Normals that show the outside of the top, and the inside, whichever way most of the triangles run.
+    for side in [1.0, -1.0] {
+        let normals: Vec<Vector3<f64>> = normals[..22].iter().map(|normal| normal * side).collect();
+        for percent in [15, 60, 85] {
+            let top =
+                TriMesh::new(positions[..22].to_vec(), normals.clone(), reversed(&top, percent)).unwrap();
+            let (alike, winding) = winding::made_alike(top);
+            assert_eq!(winding.spoilt_normals, 0, "{side} {percent} %");
+            assert_eq!(alike.normals(), normals, "{side} {percent} %");
+        }
     }
 }
 

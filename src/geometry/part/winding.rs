@@ -1,18 +1,23 @@
 //! Which way round the triangles of a mesh run. Estimated normals are sums over facets, and facets that run in opposite ways
 //! cancel out.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, opposite_sides, sliver_side, weld};
-use super::flat_shading;
+use super::adjacency::{NONE, numbered, opposite_sides, sliver_side, weld};
 use super::mesh::TriMesh;
 
 /// Directions are told apart if they differ by more than this, rad: files round normals to three or four digits.
 const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
 /// Where more than this share of the vertices meets triangles that run in opposite ways, the other normals tell nothing more.
 const FEW: f64 = 0.25;
-/// Share of the triangles whose normals may differ from their planes where all are shaded flat: slivers have no well-defined plane.
-const SLIVERS: f64 = 0.01;
+/// Normals were computed from the triangles as they run where so many times as many say so as the contrary.
+const MANY_TIMES: usize = 3;
+/// Normals are one if their parts are the same when multiplied by this and rounded.
+const ONE: f64 = 1e4;
+/// Normals of triangles that meet and run in opposite ways are opposite below this, as a cosine.
+const OPPOSITE: f64 = -0.8;
 
 /// What was found of a mesh whose triangles were made to run alike.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -52,7 +57,7 @@ pub fn made_alike(mesh: TriMesh) -> (TriMesh, Winding) {
     if !mixed.explains_normals(&mesh) {
         return as_normals_ask(mesh);
     }
-    let (mesh, spoilt_normals) = mixed.without_spoilt_normals(mesh, &welded);
+    let (mesh, spoilt_normals) = mixed.without_spoilt_normals(mesh);
     (mesh.with_reversed(&is_reversed), Winding { spoilt_normals, ..winding })
 }
 
@@ -88,19 +93,27 @@ impl Around {
 }
 
 /// Where triangles that were reversed meet others.
-struct Mixed {
-    of_vertex: Vec<Around>,
-    /// For each place, whether it has triangles of both kinds.
-    is_mixed: Vec<bool>,
-    /// Whether all triangles there are shaded flat, so that none has a share in the normals of the others.
-    is_flat: bool,
+struct Mixed<'a> {
+    /// The place of each vertex.
+    welded: &'a [u32],
+    /// The number of the place and normal of each vertex: programs write one of several vertices where the texture has a seam.
+    numbers: Vec<u32>,
+    /// For each of these.
+    around: Vec<Around>,
+    /// For each place, whether reversed triangles have opposite normals of their own there.
+    is_opposed: Vec<bool>,
 }
 
-impl Mixed {
-    fn of(mesh: &TriMesh, welded: &[u32], is_reversed: &[bool]) -> Self {
-        let places = welded.iter().max().map_or(0, |last| *last as usize + 1);
-        let mut of_vertex = vec![Around::default(); mesh.positions().len()];
-        let mut of_place = vec![Around::default(); places];
+impl<'a> Mixed<'a> {
+    fn of(mesh: &TriMesh, welded: &'a [u32], is_reversed: &[bool]) -> Self {
+        let digits = |value: f64| (value * ONE).round() as i64;
+        let key = |vertex: usize| {
+            let [x, y, z] = mesh.normals()[vertex].map(digits).into();
+            [i64::from(welded[vertex]), x * 2 * ONE as i64 + y, z]
+        };
+        let numbers = numbered(welded.len(), key);
+        let count = numbers.iter().max().map_or(0, |last| *last as usize + 1);
+        let mut around = vec![Around::default(); count];
         for (&corners, &is_reversed) in mesh.triangles().iter().zip(is_reversed) {
             let points = mesh.corners(corners);
             if sliver_side(points).is_some() {
@@ -110,64 +123,73 @@ impl Mixed {
             for corner in 0..3 {
                 let [here, next, last] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);
                 let weighted = normal * (next - here).angle(&(last - here));
-                of_vertex[corners[corner] as usize].add(weighted, is_reversed);
-                of_place[welded[corners[corner] as usize] as usize].add(weighted, is_reversed);
+                around[numbers[corners[corner] as usize] as usize].add(weighted, is_reversed);
             }
         }
-        let is_mixed: Vec<bool> = of_place.iter().map(Around::is_mixed).collect();
-        let is_flat = flat_shading::are_flat(mesh);
-        let (mut all, mut flat) = (0usize, 0usize);
-        for (corners, is_flat) in mesh.triangles().iter().zip(is_flat) {
-            if corners.iter().any(|&vertex| is_mixed[welded[vertex as usize] as usize]) {
-                all += 1;
-                flat += usize::from(is_flat);
-            }
+        let mut is_opposed = vec![false; welded.len()];
+        let around_of = |vertex: usize| &around[numbers[vertex] as usize];
+        let vertices = |is_wanted: fn([usize; 2]) -> bool| {
+            let vertices = (0..welded.len()).filter(move |&vertex| is_wanted(around_of(vertex).counts));
+            vertices.map(|vertex| (welded[vertex], mesh.normals()[vertex]))
+        };
+        let mut of_reversed: BTreeMap<u32, Vec<Vector3<f64>>> = BTreeMap::new();
+        for (place, normal) in vertices(|[kept, reversed]| kept == 0 && reversed > 0) {
+            of_reversed.entry(place).or_default().push(normal);
         }
-        Self { of_vertex, is_mixed, is_flat: (all - flat) as f64 <= SLIVERS * all as f64 }
+        for (place, normal) in vertices(|[kept, reversed]| kept > 0 && reversed == 0) {
+            let mut others = of_reversed.get(&place).into_iter().flatten();
+            is_opposed[place as usize] |= others.any(|other| normal.dot(other) < OPPOSITE);
+        }
+        Self { welded, numbers, around, is_opposed }
+    }
+
+    fn around(&self, vertex: usize) -> &Around {
+        &self.around[self.numbers[vertex] as usize]
     }
 
     /// Whether the file's normals follow the triangles as they run in the file, and not as they should run: then they were computed from
-    /// the triangles. Normals of the modelled surface show its outside also where the triangles do not.
+    /// the triangles. Only normals where both kinds of triangles meet tell that: those of the modelled surface show its outside for both,
+    /// or its inside.
     fn explains_normals(&self, mesh: &TriMesh) -> bool {
         let off =
             |normal: &Vector3<f64>, sum: Vector3<f64>| normal.cross(&sum).norm().atan2(normal.dot(&sum));
         let (mut for_file, mut for_surface) = (0usize, 0usize);
-        for (around, normal) in self.of_vertex.iter().zip(mesh.normals()) {
-            let Around { kept, reversed, counts: [_, any_reversed] } = *around;
-            if any_reversed == 0 || *normal == Vector3::zeros() {
+        for (vertex, normal) in mesh.normals().iter().enumerate() {
+            let Around { kept, reversed, counts } = *self.around(vertex);
+            if counts[1] == 0 || *normal == Vector3::zeros() {
+                continue;
+            }
+            if counts[0] == 0 {
+                for_file += usize::from(self.is_opposed[self.welded[vertex] as usize]);
                 continue;
             }
             let surface = kept - reversed;
             let from_file = off(normal, kept + reversed);
-            // A surface that is known but for its sign.
-            let from_surface = match around.is_mixed() {
-                true => off(normal, surface).min(off(normal, -surface)),
-                false => off(normal, surface),
-            };
+            let from_surface = off(normal, surface).min(off(normal, -surface));
             if from_file + SAME < from_surface {
                 for_file += 1;
             } else if from_surface + SAME < from_file {
                 for_surface += 1;
             }
         }
-        for_file > for_surface
+        for_file > MANY_TIMES * for_surface
     }
 
     /// The mesh whose normals show the outside of the reversed triangles, without those that are averages over triangles which run in
-    /// opposite ways, and their number. A mesh with few others keeps none.
-    fn without_spoilt_normals(&self, mesh: TriMesh, welded: &[u32]) -> (TriMesh, usize) {
-        let is_spoilt = |vertex: usize| !self.is_flat && self.is_mixed[welded[vertex] as usize];
-        let is_used = |vertex: &usize| self.of_vertex[*vertex].counts != [0, 0];
-        let used = (0..welded.len()).filter(is_used).count();
-        let spoilt = (0..welded.len()).filter(|vertex| is_used(vertex) && is_spoilt(*vertex)).count();
+    /// opposite ways, or over one kind of them where both meet, and their number. A mesh with few others keeps none.
+    fn without_spoilt_normals(&self, mesh: TriMesh) -> (TriMesh, usize) {
+        let is_used = |vertex: &usize| self.around(*vertex).counts != [0, 0];
+        let used = (0..self.numbers.len()).filter(is_used).count();
+        let is_spoilt =
+            |vertex: usize| self.around(vertex).is_mixed() || self.is_opposed[self.welded[vertex] as usize];
+        let spoilt = (0..self.numbers.len()).filter(|vertex| is_used(vertex) && is_spoilt(*vertex)).count();
         if spoilt as f64 > FEW * used as f64 {
             return (mesh.without_normals(), used);
         }
         let repaired = |vertex: usize, normal: Vector3<f64>| {
-            let Around { reversed, counts: [kept, _], .. } = self.of_vertex[vertex];
             if is_spoilt(vertex) {
                 Vector3::zeros()
-            } else if kept == 0 && normal.dot(&reversed) > 0.0 {
+            } else if normal.dot(&self.around(vertex).reversed) > 0.0 {
                 -normal
             } else {
                 normal
