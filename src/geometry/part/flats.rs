@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::adjacency::{NONE, facet_normal, sliver_side};
+use super::adjacency::{NONE, facet_normal, sliver_side, width as facet_width};
 use super::chord_normals::{self, Chord};
 use super::smooth_mesh::SmoothMesh;
 use crate::geometry::fork::{Fork, mapped};
@@ -34,8 +34,11 @@ const IMPLAUSIBLE: f64 = 6.0;
 /// Wide planes that take turns with narrow ones are of a round face if the normals at both ends of its arc differ by no more than this,
 /// rad, as over a side of a cylinder with 12 sides.
 const CHORD_OF_ROUND: f64 = 0.53;
-/// The width of one is at least so many times that of the next.
+/// The width of one is at least so many times that of the next, and at most the second: the narrower ones of flat sides are fillets.
 const IN_TURN: f64 = 1.5;
+const MOST_IN_TURN: f64 = 3.5;
+/// The curvatures at both sides of a wide one differ by at most this factor.
+const OF_ONE_CURVE: f64 = 1.5;
 /// The share of its boundary on which a plane has narrow neighbours if it is surrounded by them.
 const SURROUNDED: f64 = 0.9;
 
@@ -477,6 +480,7 @@ impl Planes {
         }
         let mut narrower = vec![Beside::default(); self.normals.len()];
         let mut ways = vec![[false; 2]; self.normals.len()];
+        let mut curvatures = vec![[f64::INFINITY, 0.0f64]; self.normals.len()];
         for (side, [plane, other]) in pairs() {
             let here = plane as usize;
             if !is_wider([plane, other]) {
@@ -486,11 +490,21 @@ impl Planes {
             let [width, narrow] = [plane, other].map(|plane| self.widths[plane as usize]);
             let turn = self.normals[here].angle(&self.normals[other as usize]);
             let turns_little = 2.0 * turn * width <= CHORD_OF_ROUND * (width + narrow);
-            narrower[here].include(other, turns_little && wider[other as usize].are_two());
-            let [corner, _, far] = [0, 1, 2].map(|turn| mesh.corners(side / 3).0[(side % 3 + turn) % 3]);
+            let corners = mesh.corners(side / 3).0;
+            let height = facet_width(corners, side % 3);
+            let opposite = mesh.continued[side] as usize;
+            let is_like = facet_width(mesh.corners(opposite / 3).0, opposite % 3) <= MOST_IN_TURN * height;
+            narrower[here].include(other, turns_little && is_like && wider[other as usize].are_two());
+            let [low, high] = &mut curvatures[here];
+            (*low, *high) = (low.min(turn / (width + narrow)), high.max(turn / (width + narrow)));
+            let [corner, _, far] = [0, 1, 2].map(|turn| corners[(side % 3 + turn) % 3]);
             ways[here][usize::from(self.normals[here].dot(&(far - corner)) > 0.0)] = true;
         }
-        narrower.iter().zip(ways).map(|(narrower, ways)| narrower.are_two() && ways != [true; 2]).collect()
+        let is_round = |plane: usize| {
+            let [low, high] = curvatures[plane];
+            narrower[plane].are_two() && ways[plane] != [true; 2] && high <= OF_ONE_CURVE * low
+        };
+        (0..self.normals.len()).map(is_round).collect()
     }
 
     /// The planes of the `chosen` triangles; other triangles belong to one of these planes or to none.

@@ -61,6 +61,8 @@ const FLAT: f64 = 2.5;
 /// rad, as those of a cylinder with 12 sides do.
 const MORE_THAN_ONE: usize = 3;
 const CHORD_OF_ROUND: f64 = 0.53;
+/// And leave it at most so many times as far as those in the middle: where they are wider, these are the fillets of flat sides.
+const MOST_IN_TURN: f64 = 3.5 * 3.5;
 /// Single triangles with their vertices on it may leave it farther, and then facets that leave it as far, but for this share, are on it.
 const SAME_BULGE: f64 = 0.01;
 /// The normals of facets on a cylinder lean along its lines by at most this, rad: by a few hundredths where its rims are cut
@@ -415,7 +417,9 @@ impl Search<'_> {
         let most_of_round = radius * (1.0 - (CHORD_OF_ROUND / 2.0).cos());
         let wide = &bulges[bulges.partition_point(|&bulge| bulge <= FLAT * usual)..];
         let most = match wide.last() {
-            Some(&widest) if wide.len() >= MORE_THAN_ONE && widest <= most_of_round => {
+            Some(&widest)
+                if wide.len() >= MORE_THAN_ONE && widest <= most_of_round.min(MOST_IN_TURN * usual) =>
+            {
                 widest * (1.0 + SAME_BULGE)
             }
             _ => FLAT * usual,
