@@ -249,8 +249,16 @@ fn normals_of_a_reversed_patch_are_turned_round() {
     }
 }
 
-/// The round top of a bar, one facet long, with exact normals, and the cap at one end.
-fn bar() -> (Vec<Point3<f64>>, Vec<Vector3<f64>>, Vec<[u32; 3]>, Vec<[u32; 3]>) {
+/// A bar with a round top, one facet long, and a cap at one end.
+struct Bar {
+    positions: Vec<Point3<f64>>,
+    /// Those of the surface; the first 22 are of the top.
+    normals: Vec<Vector3<f64>>,
+    top: Vec<[u32; 3]>,
+    cap: Vec<[u32; 3]>,
+}
+
+fn bar() -> Bar {
     let outward = |step: u32| {
         let (sin, cos) = (f64::from(step) * 12.0 - 60.0).to_radians().sin_cos();
         Vector3::new(0.0, sin, cos)
@@ -260,7 +268,7 @@ fn bar() -> (Vec<Point3<f64>>, Vec<Vector3<f64>>, Vec<[u32; 3]>, Vec<[u32; 3]>) 
     let normals = (0..22).map(|index| outward(index % 11)).chain([Vector3::x(); 11]).collect();
     let top = (0..10).flat_map(|at| [[at, at + 11, at + 12], [at, at + 12, at + 1]]).collect();
     let cap = (23..32).map(|at| [22, at + 1, at]).collect();
-    (positions, normals, top, cap)
+    Bar { positions, normals, top, cap }
 }
 
 #[test]
@@ -271,7 +279,7 @@ fn exact_normals_are_believed_beside_a_flipped_face_and_on_an_open_sheet() {
         };
         triangles.iter().enumerate().map(turned).collect()
     };
-    let (positions, normals, top, cap) = bar();
+    let Bar { positions, normals, top, cap } = bar();
     // The cap with its own normals.
     let mut flipped = normals.clone();
     flipped[22..].iter_mut().for_each(|normal| *normal = -*normal);
