@@ -398,6 +398,30 @@ fn results_on_facets_of_two_widths_are_upper_estimates() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
+/// No two facets of one width: what nothing confirms is in doubt, but not where the curvature changes evenly from side to side.
+#[test]
+fn results_on_irregular_ovals_are_not_far_above_the_truth() {
+    const STEPS: [f64; 7] = [9.0, 12.0, 7.5, 6.0, 8.0, 11.0, 13.5];
+    let [a, b] = [36.0, 22.0];
+    let ends = STEPS.iter().cycle().take(14).scan(-66.0, |angle: &mut f64, step| {
+        *angle += step;
+        Some(*angle)
+    });
+    let across: Vec<[f64; 2]> =
+        ends.map(|angle| [a * angle.to_radians().sin(), b * angle.to_radians().cos()]).collect();
+    let columns = across.len() as u32;
+    let positions =
+        [-20.0, 20.0].into_iter().flat_map(|y| across.iter().map(move |[x, z]| Point3::new(*x, y, *z)));
+    let triangles = (0..columns - 1)
+        .flat_map(|at| [[at, at + 1, at + columns + 1], [at, at + columns + 1, at + columns]]);
+    let mesh = TriMesh::new(positions.collect(), Vec::new(), triangles.collect()).unwrap();
+    let surface = FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default());
+    let [reported, truth] =
+        judged(&surface.unwrap(), |x, _| b * (1.0 - (x / a).powi(2)).sqrt()).map(|of| of.length_error);
+    println!("e_l {truth:.4} mm is reported as {reported:.4}");
+    assert!(reported >= truth && reported < 0.1, "e_l {truth:.4} mm is reported as {reported:.4}");
+}
+
 /// The samples round an edge that the facets show.
 #[test]
 fn results_across_edges_are_upper_estimates() {

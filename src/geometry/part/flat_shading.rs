@@ -120,7 +120,7 @@ impl Body {
 
 /// For each triangle, whether it is shaded flat: its corners have the normal of its plane, whichever way round it runs, or of the
 /// polygon that it was cut from. In a mesh without normals, all are.
-pub(super) fn are_flat(mesh: &TriMesh) -> Vec<bool> {
+fn are_flat(mesh: &TriMesh) -> Vec<bool> {
     let is_flat = |triangle: usize| {
         let (given, plane) = (given(mesh, triangle), plane(mesh, triangle));
         let is_own = |normal: &Vector3<f64>| {

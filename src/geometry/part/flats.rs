@@ -33,10 +33,10 @@ const MIN_LEAN: f64 = 0.15;
 const IMPLAUSIBLE: f64 = 6.0;
 /// Wide planes that take turns with narrow ones are of a round face if the normals at both ends of its arc differ by no more than this,
 /// rad, as over a side of a cylinder with 12 sides.
-const CHORD_OF_ROUND: f64 = 0.53;
+pub(super) const CHORD_OF_ROUND: f64 = 0.53;
 /// The width of one is at least so many times that of the next, and at most the second: the narrower ones of flat sides are fillets.
 const IN_TURN: f64 = 1.5;
-const MOST_IN_TURN: f64 = 3.5;
+pub(super) const MOST_IN_TURN: f64 = 3.5;
 /// The curvatures at both sides of a wide one differ by at most this factor.
 const OF_ONE_CURVE: f64 = 1.5;
 /// The share of its boundary on which a plane has narrow neighbours if it is surrounded by them.
@@ -461,7 +461,7 @@ impl Planes {
     }
 
     /// Whether each plane may be a chord of a round face with wide and narrow chords in turn: beyond each of its narrow neighbours there
-    /// is another wide one, all turn the same way, and by little.
+    /// is another wide one, not many times as wide, and all turn the same way, by little and as one curve does.
     fn are_round(&self, mesh: &SmoothMesh) -> Vec<bool> {
         let pair = |side: usize| {
             let other = mesh.continued[side];

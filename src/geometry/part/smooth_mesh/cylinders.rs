@@ -15,6 +15,7 @@ use super::plane_facets::PlaneFacets;
 use super::round::{Plane, Round};
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, facet_normal, sliver_side, width};
+use crate::geometry::flats::{CHORD_OF_ROUND, MOST_IN_TURN};
 use crate::geometry::fork::{Fork, found, look_ahead};
 use crate::geometry::shape_fit::cross_directions;
 
@@ -57,12 +58,9 @@ const MOST_TRIANGLES: usize = 300_000;
 /// Facets on a cylinder leave it by at most so many times as far as those in the middle of the first ones. A flat side between two
 /// lines of it, and the end of a can, have their vertices on it, too.
 const FLAT: f64 = 2.5;
-/// More than one facet: so many triangles of a strip that leave it farther are no flat side, if the chords turn by no more than this,
-/// rad, as those of a cylinder with 12 sides do.
+/// More than one facet: so many triangles of a strip that leave it farther are no flat side, if wide and narrow facets take turns as they
+/// may on a round face ([`CHORD_OF_ROUND`], [`MOST_IN_TURN`]).
 const MORE_THAN_ONE: usize = 3;
-const CHORD_OF_ROUND: f64 = 0.53;
-/// And leave it at most so many times as far as those in the middle: where they are wider, these are the fillets of flat sides.
-const MOST_IN_TURN: f64 = 3.5 * 3.5;
 /// Single triangles with their vertices on it may leave it farther, and then facets that leave it as far, but for this share, are on it.
 const SAME_BULGE: f64 = 0.01;
 /// The normals of facets on a cylinder lean along its lines by at most this, rad: by a few hundredths where its rims are cut
@@ -418,7 +416,8 @@ impl Search<'_> {
         let wide = &bulges[bulges.partition_point(|&bulge| bulge <= FLAT * usual)..];
         let most = match wide.last() {
             Some(&widest)
-                if wide.len() >= MORE_THAN_ONE && widest <= most_of_round.min(MOST_IN_TURN * usual) =>
+                if wide.len() >= MORE_THAN_ONE
+                    && widest <= most_of_round.min(MOST_IN_TURN.powi(2) * usual) =>
             {
                 widest * (1.0 + SAME_BULGE)
             }
