@@ -1337,7 +1337,7 @@ const CODES: &[Code] = &[
          The number is the height by which the real surface may differ. As a warning the job continues; above \
          `max_residual_mm` under [correction] the drawing is rejected.",
         "Export the part from CAD with its own normals or with a smaller deviation. `normals = \"estimate\"` under [part] \
-         (`--normals estimate`) takes the normals from the facets instead of the file; the report states how uncertain they \
+         (`--normals estimate`) estimates the normals from the facets; the report states how uncertain they \
          are. In Blender, use a finer bevel or shade the part flat. Raise `max_residual_mm` only if this error is acceptable.",
     ]),
     notice([

@@ -231,7 +231,7 @@ fn doubt(
         let estimate = match settings.part.normals {
             NormalsChoice::Estimate => "",
             _ => {
-                "set `normals = \"estimate\"` under [part] (`--normals estimate`), which takes them from the facets; "
+                "set `normals = \"estimate\"` under [part] (`--normals estimate`), which estimates the normals from the facets; "
             }
         };
         return Err(Reason::new(
