@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::named_files::{cache_of, station};
+use super::named_files::{cache_of, shares_are_there, station};
 use super::options::parse_sku;
 use super::outcome::{Failure, Outcome, print, shown, tell};
 use crate::cache::{Cache, CacheEntry, EntryState};
@@ -43,6 +43,9 @@ enum Verb {
 
 pub(super) fn run(arguments: &CacheArguments) -> Outcome {
     let station = station(arguments.station.as_deref())?;
+    if let Some(station) = &station {
+        shares_are_there(station, arguments.cache.as_deref())?;
+    }
     let cache = cache_of(arguments.cache.as_deref(), station.as_ref())?;
     match &arguments.verb {
         Verb::List => list(&cache),

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
+use super::named_files::shares_are_there;
 use super::outcome::{Exit, Failure, Outcome, print, shown};
 use super::set::SetArguments;
 use super::shell;
@@ -39,6 +40,7 @@ const FILES: &[(&str, &[u8])] = &[
 
 pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     let station = Station::load_with(&arguments.station, &arguments.set.of_station()?)?;
+    shares_are_there(&station, None)?;
     let (mut mistakes, mut checked) = (Vec::new(), BTreeMap::new());
     for path in sku_files(&station.folders.skus)? {
         match check_sku_file(&station, &path) {

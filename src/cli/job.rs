@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::content::ContentArguments;
-use super::named_files::{cache_of, known_cache, name_of, read_file, read_part};
+use super::named_files::{cache_of, known_cache, name_of, read_file, read_part, shares_are_there};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
 use super::progress::ProgressLine;
@@ -128,6 +128,7 @@ impl JobArguments {
         let mut live = live.transpose()?.map(LiveSettings::at_once);
         let (settings, verify) = match &mut live {
             Some(live) => {
+                shares_are_there(live.station(), self.cache.as_deref())?;
                 // A station that was never started has no folder for its SKUs yet.
                 let settings = match live.station().folders.skus.exists() {
                     true => live.job(&sku)?,

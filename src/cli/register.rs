@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector2};
 use serde::Serialize;
 
 use super::calibrate::{Measured, parse_reading};
-use super::named_files::{apart, name_of, read_file, read_part, write_file};
+use super::named_files::{apart, name_of, read_file, read_part, shares_are_there, write_file};
 use super::options::parse_sku;
 use super::outcome::{Failure, Outcome, print, print_json, shown};
 use super::set::SetArguments;
@@ -127,6 +127,7 @@ struct MaybeMeasured {
 
 pub(super) fn run(arguments: &RegisterArguments) -> Outcome {
     let mut live = LiveSettings::open_with(&arguments.station, arguments.set.of_station()?)?.at_once();
+    shares_are_there(live.station(), None)?;
     let sku = arguments.sku.as_deref().map(parse_sku).transpose()?;
     let mut settings = match &sku {
         // A station that was never started has no folder for its SKUs yet.

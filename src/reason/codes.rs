@@ -1943,7 +1943,7 @@ const CODES: &[Code] = &[
         "share-missing",
         "A folder of the station was on a share or disk that is not mounted now.",
         "Only the empty mount point is available. Files written there would be hidden as soon as the share is \
-         mounted again, so isomark waits.",
+         mounted again, so a station waits, and other commands stop.",
         "Mount the share or disk. If the folder is meant to be on the local disk from now on, remove the file \
          that the remedy names.",
     ]),

@@ -702,3 +702,36 @@ fn a_scan_with_few_points_is_said_to_be_sparse() {
     let output = desk.isomark(&["correct", "tube.xyz", "lines.svg", "--place", "0,0", "-o", "out.dxf"]);
     assert!(output.err.contains("points of the scan are sparse"), "{}", output.err);
 }
+
+/// In the empty mount point of a share, the settings of each SKU seem to be removed.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_station_whose_share_is_not_mounted() {
+    let desk = Desk::new();
+    desk.write("station.toml", "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\ncache = \"cache\"\n[field]\nwidth_mm = 100\nheight_mm = 100\n");
+    let seen_on_a_share = |purpose: &str| {
+        let folder = std::fs::canonicalize(desk.root()).unwrap().join(purpose);
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::create_dir_all(desk.path("state")).unwrap();
+        let seen = serde_json::json!({ purpose: { "folder": folder, "mount": folder } });
+        desk.write("state/shares.json", seen.to_string());
+    };
+    let commands: [(&str, &[&str]); 4] = [
+        ("skus", &["correct", "--station", "station.toml", "--sku", "can", "abc.dxf", "--out", "out.dxf"]),
+        ("skus", &["check", "station.toml"]),
+        ("cache", &["correct", "--station", "station.toml", "--sku", "can", "abc.dxf", "--out", "out.dxf"]),
+        ("cache", &["cache", "--station", "station.toml", "list"]),
+    ];
+    std::fs::copy(drawing("abc"), desk.path("abc.dxf")).unwrap();
+    for (purpose, command) in commands {
+        seen_on_a_share(purpose);
+        let refused = desk.isomark(command);
+        refused.refused(
+            3,
+            &[&format!("The {purpose} folder"), "not mounted", "what to do: Mount it", "shares.json"],
+        );
+    }
+    // Another cache needs no share.
+    let listed = desk.isomark(&["cache", "--station", "station.toml", "--cache", "mine", "list"]);
+    assert_eq!(listed.code, 0, "{}", listed.err);
+}

@@ -40,6 +40,32 @@ struct Seen {
     mount: PathBuf,
 }
 
+impl Seen {
+    /// The folder as it is now; `None` if it does not exist, and where mount points are not known.
+    fn now(folder: &Path) -> Option<Self> {
+        let mount = mount_of(folder)?;
+        // Commands are run in other folders than the station.
+        let folder = std::path::absolute(folder).ok()?;
+        Some(Self { folder, mount })
+    }
+}
+
+/// Checks that the folder of the SKU files, and `with_cache` that of the surfaces, is on the mount point on which the station saw
+/// it last, for a command that uses it without being the station; remembers nothing.
+///
+/// # Errors
+/// With the share or disk that is not mounted.
+pub(crate) fn known_shares_are_there(folders: &FolderPaths, with_cache: bool) -> Result<(), Reason> {
+    let shares = Shares::open(&folders.state);
+    let cache = with_cache.then_some(("cache", &folders.cache));
+    for (purpose, folder) in [("skus", &folders.skus)].into_iter().chain(cache) {
+        if let Some(missing) = Seen::now(folder).and_then(|now| shares.missing(purpose, &now)) {
+            return Err(missing);
+        }
+    }
+    Ok(())
+}
+
 impl Shares {
     /// Reads the remembered mount points from the state folder; without a readable file, it starts empty.
     pub(crate) fn open(state: &Path) -> Self {
@@ -78,12 +104,16 @@ impl Shares {
         let device = device_of(folder);
         let last = self.devices().remove(folder);
         if (closely || device.is_none() || last != device)
-            && let Some(mount) = mount_of(folder)
+            && let Some(now) = Seen::now(folder)
         {
-            self.is_there(purpose, Seen { folder: folder.into(), mount })?;
+            self.is_there(purpose, now)?;
         }
         self.devices().extend(device.map(|device| (folder.to_path_buf(), device)));
         Ok(())
+    }
+
+    fn seen(&self) -> MutexGuard<'_, BTreeMap<String, Seen>> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn devices(&self) -> MutexGuard<'_, BTreeMap<PathBuf, u64>> {
@@ -91,12 +121,12 @@ impl Shares {
     }
 
     fn is_there(&self, purpose: &str, now: Seen) -> Result<(), JobError> {
-        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(missing) = self.missing(purpose, &now) {
+            return Err(JobError::Retry(missing));
+        }
+        let mut seen = self.seen();
         match seen.get(purpose) {
             Some(before) if *before == now => return Ok(()),
-            Some(before) if before.folder == now.folder && before.mount.starts_with(&now.mount) => {
-                return Err(JobError::Retry(self.missing(purpose, before)));
-            }
             // The machine's own disk cannot be disconnected.
             None if now.mount.parent().is_none() => return Ok(()),
             _ => {}
@@ -110,7 +140,13 @@ impl Shares {
         Ok(())
     }
 
-    fn missing(&self, purpose: &str, before: &Seen) -> Reason {
+    /// The share or disk of a folder that was on one, and is on one above it now: it is not mounted.
+    fn missing(&self, purpose: &str, now: &Seen) -> Option<Reason> {
+        let seen = self.seen();
+        let before = seen.get(purpose)?;
+        if before == now || before.folder != now.folder || !before.mount.starts_with(&now.mount) {
+            return None;
+        }
         let Seen { folder, mount } = before;
         let what = format!(
             "The {purpose} folder {} was on a share or disk that is not mounted at {} now.",
@@ -121,7 +157,7 @@ impl Shares {
             "Mount it. If the folder is no longer on a share, remove {}.",
             self.state.join(FILE).display()
         );
-        Reason::new(SHARE_MISSING, what, remedy)
+        Some(Reason::new(SHARE_MISSING, what, remedy))
     }
 }
 
