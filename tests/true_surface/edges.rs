@@ -8,6 +8,7 @@ use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::Point3;
 use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
 
 use super::forms::{ALL, Normals};
 
@@ -276,4 +277,61 @@ fn coarse_prisms_are_sampled_as_cylinders() {
             assert!(miss < limit, "{sides} sides, {rings} rings: {miss} mm at {at:?}");
         }
     }
+}
+
+/// The vertices of a prism with chamfered edges are on a cylinder, as those of a round bar are.
+#[test]
+fn sides_of_prisms_with_chamfered_edges_are_flat() {
+    const APOTHEM: f64 = 20.0;
+    let mut failures = Vec::new();
+    for sides in [5, 6, 8, 10] {
+        let (step, whole) = (TAU / f64::from(sides), 2.0 * APOTHEM * (PI / f64::from(sides)).tan());
+        for share in [0.2, 0.35, 0.65, 0.8] {
+            let half = (whole * (1.0 - share) / 2.0 / APOTHEM).atan();
+            let radius = APOTHEM / half.cos();
+            // Chords of one circle, one after the other, round the axis from the middle of the top side on.
+            let angles: Vec<f64> = (0..sides)
+                .flat_map(|side| [-half, half].map(|beside| f64::from(side) * step + beside))
+                .collect();
+            let chord = |index: usize| [angles[index], angles[(index + 1) % angles.len()]];
+            let height = |at: f64| {
+                let of_chord = |[from, to]: [f64; 2]| {
+                    let middle = (from + to) / 2.0 + if to < from { PI } else { 0.0 };
+                    let reach = radius * ((to - from) / 2.0).cos().abs();
+                    (middle.cos() > 1e-6).then(|| (reach - at * middle.sin()) / middle.cos())
+                };
+                (0..angles.len()).filter_map(|index| of_chord(chord(index))).fold(f64::INFINITY, f64::min)
+            };
+            for rows in [1u32, 3] {
+                let count = angles.len() as u32;
+                let ring = |row: u32| {
+                    let y = 60.0 * f64::from(row) / f64::from(rows) - 30.0;
+                    angles.iter().map(move |angle| Point3::new(radius * angle.sin(), y, radius * angle.cos()))
+                };
+                let mut points: Vec<Point3<f64>> = (0..=rows).flat_map(ring).collect();
+                points.extend([-30.0, 30.0].map(|y| Point3::new(0.0, y, 0.0)));
+                let at = |row: u32, index: u32| row * count + index % count;
+                let cells = (0..rows).flat_map(|row| (0..count).map(move |index| (row, index)));
+                let mut triangles: Vec<[u32; 3]> = cells
+                    .flat_map(|(row, index)| {
+                        let [a, b] = [0, 1].map(|next| at(row, index + next));
+                        let [d, c] = [0, 1].map(|next| at(row + 1, index + next));
+                        [[a, b, c], [a, c, d]]
+                    })
+                    .collect();
+                let middle = (rows + 1) * count;
+                triangles.extend((0..count).flat_map(|index| {
+                    let ends = [0, 1].map(|next| [at(0, index + next), at(rows, index + next)]);
+                    [[middle, ends[1][0], ends[0][0]], [middle + 1, ends[0][1], ends[1][1]]]
+                }));
+                // What is steeper than 60° is not looked at.
+                let seen = |x: f64, y: f64| (x.abs() < 0.8 * APOTHEM && y.abs() < 29.0).then(|| height(x));
+                let (miss, place) = largest_miss(&sampled(&bare(points, triangles)), seen);
+                if !(miss < 0.01) {
+                    failures.push(format!("{sides} sides, chamfers of {share}, {rows} rows: {miss} at {place:?}"));
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
 }

@@ -42,6 +42,12 @@ const LONGER: f64 = 1.25;
 const EQUAL: f64 = 1.05;
 /// The flat of a shaft has edges of at least this share of its width. The facet at the pole of a dome has shorter ones.
 const STRIP: f64 = 0.75;
+/// The sides of a prism are at least so many times as wide as the chamfers of its edges. Facets that take turns like that and turn by more
+/// than the second, rad, as those of a cylinder with fewer than 24 sides do, are of a prism, although its edges are on a cylinder.
+const CHAMFERED: f64 = 1.25;
+const TURN_OF_PRISM: f64 = 15.0 * PI / 180.0 * (1.0 + 1e-3);
+/// All sides of a prism are equally wide, its chamfers too, and all its edges turn alike: to within this factor.
+const REGULAR: f64 = 1.05;
 /// A turn by less than this, rad, may be rounding in any file.
 const LEAST_CORNER: f64 = 2e-3;
 /// A smooth curve turns to and fro at the ends of a straight row of facets by less than this, rad: its two arcs would have a chord
@@ -359,7 +365,9 @@ impl Steps<'_> {
             let lengths = [side, 1 - side].map(|side| beside[side].lengths[0]);
             known[1 - side].map_or(0.0, |explained| explained * (lengths[0] / lengths[1]).min(1.0))
         };
-        let explained = [0, 1].map(|side| known[side].unwrap_or_else(|| like(side)));
+        let is_of_prism = is_of_chamfered_prism(turned, &beside);
+        let explained =
+            [0, 1].map(|side| if is_of_prism { 0.0 } else { known[side].unwrap_or_else(|| like(side)) });
         let height = (one.norm() + other.norm()) / 2.0;
         Some(Measured {
             turn: turned.abs(),
@@ -418,6 +426,27 @@ impl Steps<'_> {
         let [from, to] = self.facets.ends((3 * one..3 * one + 3).find(continues)?);
         Some(to - from)
     }
+}
+
+/// Whether a step that `turned`, rad, is an edge of a regular prism with few sides and chamfered edges: wide and narrow rows of facets take
+/// turns `beside` it.
+fn is_of_chamfered_prism(turned: f64, beside: &[Beside; 2]) -> bool {
+    let is_like = |one: f64, other: f64| one < REGULAR * other && other < REGULAR * one;
+    let [one, other] = beside;
+    let lengths = [one.lengths, other.lengths];
+    let wider = (lengths[0][0] / lengths[1][0]).max(lengths[1][0] / lengths[0][0]);
+    let turns_on = |side: usize| {
+        let Beside { turns, count, are_rows, .. } = &beside[side];
+        // The section runs away from the step on both sides.
+        let ahead = if side == 0 { -turned } else { turned };
+        let is_next = |turn: f64| turn * ahead > 0.0 && is_like(turn.abs(), turned.abs());
+        *count > 1 && are_rows[0] && is_next(turns[0]) && is_like(lengths[side][1], lengths[1 - side][0])
+    };
+    let goes_on = |side: usize| {
+        let Beside { turns, count, are_rows, .. } = &beside[side];
+        *count > 2 && are_rows[1] && is_like(turns[1].abs(), turned.abs()) && is_like(lengths[side][2], lengths[side][0])
+    };
+    wider >= CHAMFERED && turned.abs() > TURN_OF_PRISM && turns_on(0) && turns_on(1) && (goes_on(0) || goes_on(1))
 }
 
 /// The indices that belong to a place.
