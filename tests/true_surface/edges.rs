@@ -328,7 +328,9 @@ fn sides_of_prisms_with_chamfered_edges_are_flat() {
                 let seen = |x: f64, y: f64| (x.abs() < 0.8 * APOTHEM && y.abs() < 29.0).then(|| height(x));
                 let (miss, place) = largest_miss(&sampled(&bare(points, triangles)), seen);
                 if !(miss < 0.01) {
-                    failures.push(format!("{sides} sides, chamfers of {share}, {rows} rows: {miss} at {place:?}"));
+                    failures.push(format!(
+                        "{sides} sides, chamfers of {share}, {rows} rows: {miss} at {place:?}"
+                    ));
                 }
             }
         }

@@ -6,9 +6,10 @@
 use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{NONE, facet_normal, opposite_sides, weld};
+use super::flats::MOST_IN_TURN;
 use super::mesh::TriMesh;
 use super::polygons::{self, ROUNDED};
-use super::smooth_mesh::{CREASE_ANGLE, NORMAL_TOLERANCE};
+use super::smooth_mesh::{CREASE_ANGLE, NORMAL_TOLERANCE, TURN_OF_PRISM};
 
 /// The normal of a facet is within this of that of each of its triangles, rad (1.2°): a polygon may be bent a little.
 const SAME_NORMAL: f64 = 0.021;
@@ -153,6 +154,7 @@ struct Shading {
     /// For each triangle the number of its facet; [`NONE`] where it is not shaded flat.
     faces: Vec<u32>,
     facets: Vec<Facet>,
+    has_normals: bool,
 }
 
 #[derive(Default)]
@@ -178,22 +180,30 @@ impl Facet {
 /// A side between two facets.
 struct Turn {
     facets: [u32; 2],
+    /// Of the second one.
+    width: f64,
+    /// Whether one is much wider than the other.
+    is_uneven: bool,
     /// rad.
     angle: f64,
-    /// Height of an arc over a facet that goes on to turn like that, mm.
+    /// The turn of an arc over the wider facet as a share of the angle.
+    of_wider: f64,
+    /// Height of an arc over the wider facet that goes on to turn like that, mm.
     bulge: f64,
     is_convex: bool,
 }
 
 impl Turn {
     fn rounding(&self) -> Rounding {
-        Rounding { turn: self.angle, bulge: self.bulge }
+        Rounding { turn: self.of_wider * self.angle, bulge: self.bulge }
     }
 
     fn goes_on_in(&self, other: &Self) -> bool {
         self.facets[1] != other.facets[1]
             && self.is_convex == other.is_convex
             && are_alike(self.angle, other.angle)
+            && self.is_uneven == other.is_uneven
+            && (!self.is_uneven || are_alike(self.width, other.width))
     }
 }
 
@@ -210,7 +220,12 @@ impl Shading {
         let places: Vec<[u32; 3]> =
             mesh.triangles().iter().map(|corners| corners.map(|index| welded[index as usize])).collect();
         let opposite = opposite_sides(&places);
-        let mut shading = Self { opposite, faces: vec![NONE; count], facets: Vec::new() };
+        let mut shading = Self {
+            opposite,
+            faces: vec![NONE; count],
+            facets: Vec::new(),
+            has_normals: !mesh.normals().is_empty(),
+        };
         let mut front = Vec::new();
         for seed in 0..count {
             if !are_flat[seed] || shading.faces[seed] != NONE {
@@ -295,11 +310,24 @@ impl Shading {
         let [one, other] = facets.map(|facet| self.facets.get(facet as usize));
         let (one, other) = (one?, other?);
         let angle = one.normal.angle(&other.normal);
-        let could_be_round =
-            (SAME_NORMAL..=CREASE_ANGLE).contains(&angle) && are_alike(one.width(), other.width());
+        let widths = [one.width(), other.width()];
+        let [narrow, wide] = [widths[0].min(widths[1]), widths[0].max(widths[1])];
+        let is_uneven = !are_alike(narrow, wide);
+        let could_be_round = match is_uneven {
+            false => (SAME_NORMAL..=CREASE_ANGLE).contains(&angle),
+            // In a mesh without normals, those of two widths may take turns.
+            true => {
+                let is_of_round =
+                    (SAME_NORMAL..=TURN_OF_PRISM).contains(&angle) && wide <= MOST_IN_TURN * narrow;
+                is_of_round && !self.has_normals
+            }
+        };
         let step = other.middle() - one.middle();
-        let (bulge, is_convex) = (step.norm() * angle / 8.0, one.normal.dot(&step) < 0.0);
-        (could_be_round && facets[0] != facets[1]).then_some(Turn { facets, angle, bulge, is_convex })
+        // The arc over one of uneven facets turns by its share of the angle.
+        let of_wider = if is_uneven { 2.0 * wide / (wide + narrow) } else { 1.0 };
+        let (bulge, is_convex) = (of_wider.powi(2) * step.norm() * angle / 8.0, one.normal.dot(&step) < 0.0);
+        let turn = Turn { facets, width: widths[1], is_uneven, angle, of_wider, bulge, is_convex };
+        (could_be_round && facets[0] != facets[1]).then_some(turn)
     }
 }
 

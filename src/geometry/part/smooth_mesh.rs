@@ -35,6 +35,13 @@ use super::curved_triangle::CurvedTriangle;
 /// the angle between two facets of one face is up to 28.6° (0.5 rad); at chamfers it is 45°.
 pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
+/// Wide and narrow facets that take turns and turn by more than this, rad, as those of a cylinder with fewer than 24 sides do, are the
+/// sides and the chamfered edges of a prism, although their vertices are on a cylinder.
+pub(super) const TURN_OF_PRISM: f64 = 15.0 * std::f64::consts::PI / 180.0 * (1.0 + 1e-3);
+
+/// The same where the file shades them as if they were round.
+const TURN_OF_SHADED_PRISM: f64 = 0.5;
+
 /// Normals of the file at one place that differ by more than this, rad, belong to two sides of an edge of the part.
 /// Exact normals of one face agree to 0.2°, Blender's merged ones to 1°.
 pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;

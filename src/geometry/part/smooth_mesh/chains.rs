@@ -117,7 +117,9 @@ impl<'a> Chains<'a> {
             [None, None] if self.is_steady(ends) || self.bends_evenly(ends) => 0.0,
             [None, None] => {
                 let possible = ways.into_iter().filter_map(|way| self.arrives(way));
-                OF_LONE * possible.map(error).fold(0.0, f64::max)
+                // A chamfer is flat.
+                let of_chamfer = if self.is_narrow(ends) { error(0.0) } else { 0.0 };
+                (OF_LONE * possible.map(error).fold(0.0, f64::max)).max(of_chamfer)
             }
         }
     }
@@ -159,6 +161,14 @@ impl<'a> Chains<'a> {
         let change = last - first;
         let is_like = |near: f64| (near - change).abs() <= SAME_ARC * change.abs();
         is_like(first - before) && is_like(after - last)
+    }
+
+    /// Whether a side is shorter than those that continue it at both ends, as a chamfer between two flat sides is.
+    fn is_narrow(&self, [one, other]: [u32; 2]) -> bool {
+        let here = self.distance([one, other]);
+        [[other, one], [one, other]].into_iter().all(|[from, end]| {
+            self.straight_on(from, end).is_some_and(|beyond| self.distance([end, beyond]) > IN_TURN * here)
+        })
     }
 
     /// Whether a side is one of the chords of a smooth curve: their lengths change by steady factors, as do those of arcs and

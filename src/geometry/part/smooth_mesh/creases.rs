@@ -42,10 +42,8 @@ const LONGER: f64 = 1.25;
 const EQUAL: f64 = 1.05;
 /// The flat of a shaft has edges of at least this share of its width. The facet at the pole of a dome has shorter ones.
 const STRIP: f64 = 0.75;
-/// The sides of a prism are at least so many times as wide as the chamfers of its edges. Facets that take turns like that and turn by more
-/// than the second, rad, as those of a cylinder with fewer than 24 sides do, are of a prism, although its edges are on a cylinder.
+/// The sides of a prism are at least so many times as wide as the chamfers of its edges.
 const CHAMFERED: f64 = 1.25;
-const TURN_OF_PRISM: f64 = 15.0 * PI / 180.0 * (1.0 + 1e-3);
 /// All sides of a prism are equally wide, its chamfers too, and all its edges turn alike: to within this factor.
 const REGULAR: f64 = 1.05;
 /// A turn by less than this, rad, may be rounding in any file.
@@ -79,6 +77,8 @@ pub(super) struct Steps<'a> {
     pub(super) steps: &'a [Facing],
     /// Known edges.
     pub(super) edges: &'a [Facing],
+    /// By how much the facets of two widths that take turns turn at least, rad, if they are of a prism.
+    pub(super) turn_of_prism: f64,
 }
 
 /// What the section through a step shows.
@@ -365,7 +365,7 @@ impl Steps<'_> {
             let lengths = [side, 1 - side].map(|side| beside[side].lengths[0]);
             known[1 - side].map_or(0.0, |explained| explained * (lengths[0] / lengths[1]).min(1.0))
         };
-        let is_of_prism = is_of_chamfered_prism(turned, &beside);
+        let is_of_prism = turned.abs() > self.turn_of_prism && is_of_chamfered_prism(turned, &beside);
         let explained =
             [0, 1].map(|side| if is_of_prism { 0.0 } else { known[side].unwrap_or_else(|| like(side)) });
         let height = (one.norm() + other.norm()) / 2.0;
@@ -444,9 +444,12 @@ fn is_of_chamfered_prism(turned: f64, beside: &[Beside; 2]) -> bool {
     };
     let goes_on = |side: usize| {
         let Beside { turns, count, are_rows, .. } = &beside[side];
-        *count > 2 && are_rows[1] && is_like(turns[1].abs(), turned.abs()) && is_like(lengths[side][2], lengths[side][0])
+        *count > 2
+            && are_rows[1]
+            && is_like(turns[1].abs(), turned.abs())
+            && is_like(lengths[side][2], lengths[side][0])
     };
-    wider >= CHAMFERED && turned.abs() > TURN_OF_PRISM && turns_on(0) && turns_on(1) && (goes_on(0) || goes_on(1))
+    wider >= CHAMFERED && turns_on(0) && turns_on(1) && (goes_on(0) || goes_on(1))
 }
 
 /// The indices that belong to a place.

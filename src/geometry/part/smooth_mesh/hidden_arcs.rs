@@ -9,11 +9,14 @@ use nalgebra::Vector3;
 use super::creases::Facing;
 use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal};
+use crate::geometry::flats::CHORD_OF_ROUND;
 
 /// CAD programs cut arcs into facets that turn by at most this, rad.
 const MOST_TURN: f64 = 0.5;
 /// Two chords are of one arc, or of one smooth curve, where their lengths differ by at most this factor.
 const OF_ONE_CURVE: f64 = 1.6;
+/// Two edges turn by the same angle if one turns by at most so many times the other.
+const LIKE: f64 = 1.05;
 /// Sides whose direction differs more than this from that of an edge, as a cosine, run across it.
 const ACROSS: f64 = 0.3;
 /// Pieces of a section that turn by less than this are in one plane, rad.
@@ -78,6 +81,10 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
         let is_of_polygon =
             |triangles: &[usize]| triangles.first().is_some_and(|&first| is_polygon(facets, first, along));
         let starts_flat = beside.iter().any(|beside| is_of_polygon(&beside.triangles[0]));
+        for (triangles, doubt) in of_round_prism(turned, &beside) {
+            let of_side = triangles.iter().map(|&triangle| HiddenArc { triangle, doubt, edge: along });
+            arcs.extend(of_side);
+        }
         if !goes_on || !is_even || starts_flat || turned.abs() > MOST_TURN {
             continue;
         }
@@ -100,6 +107,23 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
         }
     }
     arcs
+}
+
+/// The sides of a prism and the chamfers of its edges may be chords of one circle where none of them is wider than those of a round face:
+/// the triangles beside an edge that `turned`, rad, on each side of it, with the error of their slopes if they are, rad, root mean square.
+fn of_round_prism(turned: f64, beside: &[Beside; 2]) -> impl Iterator<Item = (&[usize], f64)> {
+    let [one, other] = beside.each_ref().map(|beside| beside.length);
+    let turns_on = |way: usize| {
+        let ahead = if way == 0 { -turned } else { turned };
+        beside[way].turn.is_some_and(|turn| {
+            turn * ahead > 0.0 && turn.abs() <= LIKE * turned.abs() && turned.abs() <= LIKE * turn.abs()
+        })
+    };
+    // Each turns by its share.
+    let arc = move |length: f64| 2.0 * turned.abs() * length / (one + other);
+    let may_be_round = turns_on(0) && turns_on(1) && arc(one.max(other)) <= CHORD_OF_ROUND;
+    let sides = beside.iter().filter(move |_| may_be_round);
+    sides.map(move |beside| (beside.triangles[0].as_slice(), arc(beside.length) / 12f64.sqrt()))
 }
 
 /// Whether a triangle beside an edge, along a unit vector, is of a facet that is divided more often than those of a curved face: a

@@ -12,7 +12,9 @@ use super::sections::Facets;
 use super::spheres;
 use super::strips;
 use super::turned;
-use super::{CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh};
+use super::{
+    CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh, TURN_OF_PRISM, TURN_OF_SHADED_PRISM,
+};
 use crate::geometry::adjacency::{
     NONE, Neighbours, WELD_DISTANCE, facet_normal, opposite_sides, sliver_side, spread, weld, width,
 };
@@ -232,7 +234,9 @@ impl SmoothMesh {
         cut(&mut opposite, &edges);
         cut(&mut opposite, &sharp);
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
-        let creases = Steps { facets, places: &places, steps: &steps, edges: &sharp }.creases(fork);
+        let turn_of_prism = if only_shades { TURN_OF_SHADED_PRISM } else { TURN_OF_PRISM };
+        let steps_between = Steps { facets, places: &places, steps: &steps, edges: &sharp, turn_of_prism };
+        let creases = steps_between.creases(fork);
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
         let hidden = hidden_arcs::found(&facets, &creases);
         cut(&mut opposite, &creases);
