@@ -25,6 +25,15 @@ pub(crate) fn grid(width: f64, height: f64) -> Pattern {
     drawing(upright.chain(level))
 }
 
+/// Lines across a square of `side` mm that divide it into so many parts each way.
+pub(crate) fn net(side: f64, parts: u32) -> Pattern {
+    let half = side / 2.0;
+    let at = move |step: u32| side * f64::from(step) / f64::from(parts) - half;
+    let upright = (0..=parts).map(move |step| Shape::Open(vec![line([at(step), -half], [at(step), half])]));
+    let level = (0..=parts).map(move |step| Shape::Open(vec![line([-half, at(step)], [half, at(step)])]));
+    drawing(upright.chain(level))
+}
+
 /// A filled square with sides of 30 mm.
 pub(crate) fn square() -> Pattern {
     let corners = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]];

@@ -26,7 +26,7 @@ use isomark::geometry::shapes;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 
-use self::drawings::{disc, filled_ring, letters, open_ring, open_rings, outline, rings, square};
+use self::drawings::{disc, filled_ring, letters, net, open_ring, open_rings, outline, rings, square};
 
 /// Two or three steps on the coarse grid, and at most eight rounds on the fine one.
 const MOST_STEPS: usize = 11;
@@ -214,6 +214,23 @@ fn letters_are_as_true_as_the_best_known_fit() {
         assert!(found.length_error() < length, "{found:?}");
         assert!(found.area_error() < area, "{found:?}");
         assert!(found.angle() < angle && found.over_squares < angle, "{found:?}");
+    }
+}
+
+/// What a map must leave on a small cap of a ball grows with the third power of its size.
+#[test]
+fn small_drawings_are_as_true_as_large_ones() {
+    let surface = SPHERE.surface(28.5);
+    for parts in [4, 12] {
+        let left = |side: f64| {
+            let found = SPHERE.judged(&surface, &net(side, parts), &INK);
+            (found.length_error() / side.powi(3), found)
+        };
+        let (large, _) = left(15.0);
+        for side in [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0] {
+            let (small, found) = left(side);
+            assert!(small < 1.2 * large, "{side} mm in {parts} parts: {small} instead of {large}, {found:?}");
+        }
     }
 }
 

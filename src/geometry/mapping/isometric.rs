@@ -619,11 +619,21 @@ fn shorter(fraction: f64, expected: f64, excess: f64) -> f64 {
     lowest.clamp(fraction / 8.0, fraction * 0.75)
 }
 
+/// The side of the smallest cells of a map of a drawing, mm.
+pub(super) fn least_cell(extents: &Extents) -> f64 {
+    let (size, options) = (box_of(extents), &IsometricOptions::UNIFORM);
+    options.cell.min((size.x * size.y / options.cells[0] as f64).sqrt())
+}
+
+/// The size of the box of a map, mm: a drawing that is a single line or dot is widened to a band.
+fn box_of(extents: &Extents) -> Vector2<f64> {
+    let longest = extents.size().max();
+    extents.size().map(|side| side.max(longest * 0.05).max(1e-3))
+}
+
 /// Knots over the drawing's box, with cells of about twice the side that the options specify.
 fn coarse_grid(extents: &Extents, options: &IsometricOptions) -> (UniformKnots, UniformKnots) {
-    let longest = extents.size().max();
-    // A drawing that is a single line or dot is widened to a band.
-    let size = extents.size().map(|side| side.max(longest * 0.05).max(1e-3));
+    let size = box_of(extents);
     let [largest, smallest] = options.cells.map(|cells| (size.x * size.y / cells as f64).sqrt());
     let cell = 2.0 * options.cell.min(largest).max(smallest);
     let along = |center: f64, length: f64| {
