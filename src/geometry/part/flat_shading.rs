@@ -338,3 +338,42 @@ fn area([a, b, c]: [Point3<f64>; 3]) -> f64 {
 fn are_alike(one: f64, other: f64) -> bool {
     one <= ALIKE * other && other <= ALIKE * one
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+
+    /// The facets of a cylinder with these widths in turn, rad, 60 mm long, without its ends.
+    fn strip(radius: f64, widths: [f64; 2]) -> TriMesh {
+        let pairs = (TAU / (widths[0] + widths[1])).round() as u32;
+        let angle = |index: u32| {
+            let (pairs, own) = (index / 2, index % 2);
+            f64::from(pairs) * (widths[0] + widths[1]) + f64::from(own) * widths[0]
+        };
+        let at =
+            |index: u32, y: f64| Point3::new(radius * angle(index).sin(), y, radius * angle(index).cos());
+        let positions = (0..2 * pairs).flat_map(|index| [-30.0, 30.0].map(|y| at(index, y))).collect();
+        let triangles = (0..2 * pairs).flat_map(|index| {
+            let (here, next) = (2 * index, 2 * ((index + 1) % (2 * pairs)));
+            [[here, here + 1, next + 1], [here, next + 1, next]]
+        });
+        TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap()
+    }
+
+    #[test]
+    fn facets_of_two_widths_in_turn_may_be_round() {
+        for degrees in [[15.0, 5.0], [12.0, 4.0], [10.0, 10.0], [5.0, 15.0]] {
+            let widths = degrees.map(f64::to_radians);
+            let open = OpenFacets::of(&strip(30.0, widths)).unwrap();
+            let most = open.roundings.iter().map(|rounding| rounding.bulge).fold(0.0, f64::max);
+            let sagitta = 30.0 * (1.0 - (widths[0].max(widths[1]) / 2.0).cos());
+            assert!((most / sagitta - 1.0).abs() < 0.05, "{degrees:?}: {most} for {sagitta}");
+        }
+        // A prism with chamfered edges, and flat sides with narrow fillets.
+        for degrees in [[44.0, 16.0], [22.0, 2.0]] {
+            assert!(OpenFacets::of(&strip(30.0, degrees.map(f64::to_radians))).is_none(), "{degrees:?}");
+        }
+    }
+}
