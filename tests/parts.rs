@@ -137,6 +137,59 @@ fn cad_parts_are_read_at_their_true_position_and_size() {
     }
 }
 
+/// A block from (0, 0, 0) to (60, 40, 25) mm in CAD, turned by 30° about an axis and moved by (5, 0, 10) mm then.
+fn placed_block(axis: Option<usize>) -> ([f64; 3], [f64; 3]) {
+    let (sine, cosine) = 30f64.to_radians().sin_cos();
+    let corners = [[0.0, 60.0], [0.0, 40.0], [0.0, 25.0]];
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for corner in 0..8 {
+        let [x, y, z] = [0, 1, 2].map(|of: usize| corners[of][corner >> of & 1]);
+        let [x, y, z] = match axis {
+            Some(1) => [cosine * x + sine * z, y, cosine * z - sine * x],
+            Some(2) => [cosine * x - sine * y, sine * x + cosine * y, z],
+            _ => [x, y, z],
+        };
+        for (of, value) in [x + 5.0, y, z + 10.0].into_iter().enumerate() {
+            (min[of], max[of]) = (min[of].min(value), max[of].max(value));
+        }
+    }
+    (min, max)
+}
+
+#[test]
+fn glb_files_of_cadquery_and_build123d_stand_where_cad_has_the_part() {
+    use Severity::{Note, Warning};
+    for (name, (min, max), severity) in [
+        ("cadquery.glb", ([0.0; 3], [60.0, 40.0, 25.0]), Note),
+        ("cadquery-added.glb", placed_block(Some(2)), Note),
+        ("cadquery-placed.glb", placed_block(Some(2)), Warning),
+        ("build123d-moved.glb", placed_block(None), Note),
+        ("build123d-placed.glb", placed_block(Some(2)), Warning),
+        ("build123d-tilted.glb", placed_block(Some(1)), Warning),
+    ] {
+        let part = read(&format!("upright/{name}"));
+        let mesh = part.shape.mesh().unwrap();
+        let bounds = mesh.bounds();
+        for axis in 0..3 {
+            let off = (bounds.0[axis] - min[axis]).abs().max((bounds.1[axis] - max[axis]).abs());
+            assert!(off < 1e-4, "{name}: {bounds:?} instead of {min:?} and {max:?}");
+        }
+        // Each normal is that of its facet.
+        for corners in mesh.triangles() {
+            let [a, b, c] = mesh.corners(*corners);
+            let plane = (b - a).cross(&(c - a)).normalize();
+            corners.iter().for_each(|&at| assert!(plane.dot(&mesh.normals()[at as usize]) > 0.999, "{name}"));
+        }
+        let notice = part.facts.notices.iter().find(|notice| notice.code == "axis-assumed").unwrap();
+        assert_eq!(notice.severity, severity, "{name}: {}", notice.message);
+    }
+    // The settings decide: the part as it is in the file.
+    let mut options = MeshOptions::default();
+    options.up = Some(Z);
+    let lying = read_with("upright/cadquery.glb", &options).unwrap().facts.size;
+    assert!((lying[1] - 25.0).abs() < 1e-4 && (lying[2] - 40.0).abs() < 1e-4, "{lying:?}");
+}
+
 #[test]
 fn guesses_and_contradictions_of_the_standard_are_warnings() {
     let severities = |name: &str| {

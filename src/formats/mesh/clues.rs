@@ -8,6 +8,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::reason::Notice;
 
+use super::root_pose::RootPose;
 use super::{Decision, LengthUnit, MeshFormat, MeshOptions, UpAxis};
 
 /// Longest plausible diagonal of a part in metres; a part with longer ones is assumed to be in mm.
@@ -33,6 +34,8 @@ pub(super) struct Clues {
     /// The unit that the file states instead, if it is none that parts can have; the numbers are converted.
     pub(super) converted: Option<String>,
     pub(super) root_turn: RootTurn,
+    /// The pose of the one node that all of an OpenCASCADE file hangs on.
+    pub(super) root_pose: Option<RootPose>,
     pub(super) zeros: NormalZeros,
 }
 
@@ -90,7 +93,8 @@ enum Footing {
 impl Clues {
     pub(super) fn new(format: MeshFormat, producer: Option<String>) -> Self {
         let zeros = NormalZeros::default();
-        Self { format, producer, stated_unit: None, converted: None, root_turn: RootTurn::Other, zeros }
+        let root_turn = RootTurn::Other;
+        Self { format, producer, stated_unit: None, converted: None, root_turn, root_pose: None, zeros }
     }
 
     pub(super) fn is_open_cascade(&self) -> bool {
@@ -104,6 +108,11 @@ impl Clues {
 
     pub(super) fn is_arch_export(&self) -> bool {
         self.producer_contains("FreeCAD") && self.producer_contains("Arch")
+    }
+
+    /// trimesh writes a part with the axes that it was read with, and the scale that its user chose.
+    fn is_trimesh(&self) -> bool {
+        self.producer_contains("trimesh")
     }
 
     fn producer_contains(&self, word: &str) -> bool {
@@ -165,10 +174,11 @@ impl Clues {
     fn unit(&self, diagonal: f64) -> (Decision<LengthUnit>, Footing) {
         use LengthUnit::{Metre, Millimetre};
         let too_long = || {
-            format!(
-                "a diagonal of {diagonal:.0} m is implausible and {diagonal:.0} mm is usual; Blender writes such \
-                 numbers for a scene in mm, or for an OBJ imported in mm"
-            )
+            let who = match self.is_open_cascade() {
+                true => "CadQuery and programs that state no unit to OpenCASCADE write such numbers",
+                false => "Blender writes such numbers for a scene in mm, or for an OBJ imported in mm",
+            };
+            format!("a diagonal of {diagonal:.0} m is implausible and {diagonal:.0} mm is usual; {who}")
         };
         if matches!(self.format, MeshFormat::Gltf | MeshFormat::Glb) {
             if self.producer_contains(FREECAD_WORKBENCH) {
@@ -250,6 +260,11 @@ impl Clues {
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if !self.is_open_cascade() {
+            if self.is_trimesh() {
+                let why = "the glTF standard has Y up; but trimesh keeps the axes of the part that it was given, such as \
+                           Z up of an STL or a STEP file, and nothing in this file shows which they are";
+                return (Decision::new(UpAxis::Y, why), Footing::Guess);
+            }
             // Blender always converts the axes; other programs that do not convert the unit may not convert the axes.
             return if in_millimetres && !self.producer_contains("Blender") {
                 let why = "the glTF standard has Y up; but as the numbers are not metres, the program may have kept \
@@ -263,9 +278,15 @@ impl Clues {
             let why = "the glTF standard has Y up, and the root node is rotated accordingly";
             return (Decision::new(UpAxis::Y, why), Footing::Certain);
         }
+        if self.is_turned_with_location() {
+            let why = "the root node is rotated as CadQuery and build123d do with a part that has a rotation of its own, \
+                       and the part is put back to where CAD has it; the glTF standard has Y up, and shows such a part \
+                       tilted";
+            return (Decision::new(UpAxis::Y, why), Footing::Guess);
+        }
         if self.zeros.negative > 0 {
-            let why = "OpenCASCADE wrote it without converting the axes (its normals still have negative zeros), so Z \
-                       is up as in CAD; the glTF standard has Y up";
+            let why = "OpenCASCADE wrote it without converting the axes (its normals still have negative zeros, and no \
+                       node sets the part upright), so Z is up as in CAD; the glTF standard has Y up";
             return (Decision::new(UpAxis::Z, why), Footing::Guess);
         }
         if self.zeros.clean_backward > 0 {
@@ -275,6 +296,26 @@ impl Clues {
         let why = "the glTF standard has Y up; OpenCASCADE programs that do not convert the axes write Z up, and \
                    nothing in this file shows which is the case";
         (Decision::new(UpAxis::Y, why), Footing::Guess)
+    }
+
+    /// The pose that spoils the location of the part, if the part is read with this axis up.
+    pub(super) fn misplaced(&self, up: UpAxis) -> Option<RootPose> {
+        let pose = self.root_pose.filter(|_| up == UpAxis::Y)?;
+        let is_moved = pose.sets_upright() && pose.is_moved() && !self.is_converted();
+        (is_moved || self.is_turned_with_location()).then_some(pose)
+    }
+
+    /// Whether the normals show that OpenCASCADE converted the vertices, so that nodes are rotated as in CAD only.
+    fn is_converted(&self) -> bool {
+        self.zeros.negative == 0 && self.zeros.clean_backward > 0
+    }
+
+    /// Whether the root node has the rotation of the part's own location besides that from +Z to +Y.
+    fn is_turned_with_location(&self) -> bool {
+        let Some(pose) = self.root_pose.filter(|pose| !pose.sets_upright() && !pose.keeps_z()) else {
+            return false;
+        };
+        self.zeros.negative > 0 || !self.is_converted() && pose.sets_a_turned_part_upright()
     }
 
     fn up_of_obj(&self, corners: &Corners, in_millimetres: bool) -> (Decision<UpAxis>, Footing) {

@@ -17,6 +17,7 @@ mod options;
 mod facts;
 mod error;
 mod raw;
+mod root_pose;
 mod gltf;
 mod obj;
 mod stl;

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Matrix4, Point3, Vector3};
 
 use super::clues::{Clues, Corners};
 use super::error::{EmptyCause, VertexPlace};
+use super::root_pose::RootPose;
 use super::{
     FaceKind, FrameFacts, MeshNoise, MeshOptions, MeshReadError, NormalsChoice, NormalsFound, NormalsUsed,
     PartFacts, PartReading, Shape, SolidPart, UpAxis,
@@ -102,6 +103,9 @@ impl RawPart {
         };
         let verdict = self.clues.judge(&corners, options);
         let (scale, up) = (verdict.unit.value.in_mm(), verdict.up.value);
+        if let Some(pose) = self.clues.misplaced(up) {
+            self.relocate(&pose);
+        }
         for position in &mut self.positions {
             *position = Point3::from(up.to_z_up(position.coords) * scale);
         }
@@ -289,6 +293,24 @@ pub(super) fn is_nearly(name: &str, documented: &str) -> bool {
 }
 
 impl RawPart {
+    /// Puts the part to where it is in CAD.
+    fn relocate(&mut self, pose: &RootPose) {
+        for position in &mut self.positions {
+            *position = pose.relocated(position.coords).into();
+        }
+        for normal in &mut self.normals {
+            *normal = pose.relocated_direction(*normal);
+        }
+        for FrameNode { transform, .. } in &mut self.frames {
+            for column in 0..3 {
+                let axis = transform.fixed_view::<3, 1>(0, column).into_owned();
+                transform.fixed_view_mut::<3, 1>(0, column).copy_from(&pose.relocated_direction(axis));
+            }
+            let origin = transform.fixed_view::<3, 1>(0, 3).into_owned();
+            transform.fixed_view_mut::<3, 1>(0, 3).copy_from(&pose.relocated(origin));
+        }
+    }
+
     /// The corners of the faces named `mark`.
     fn mark_faces(&self) -> Vec<[Point3<f64>; 3]> {
         let named = self.triangles.iter().zip(&self.is_mark).filter(|(_, is_mark)| **is_mark);

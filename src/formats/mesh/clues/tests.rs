@@ -63,6 +63,38 @@ fn signed_zeros_in_normals_show_the_axis_of_open_cascade_files() {
 }
 
 #[test]
+fn turned_parts_of_open_cascade_stand_upright_unless_their_vertices_are_converted() {
+    use nalgebra::{Matrix4, Rotation3};
+    let about = |axis: Vector3<f64>, degrees: f64| Rotation3::new(axis * degrees.to_radians());
+    let upright = about(Vector3::x(), -90.0);
+    let placed = |turn: Rotation3<f64>, normals: &[[f32; 3]]| {
+        let mut cascade = clues(Glb, "Open CASCADE Technology 7.9 [dev.opencascade.org]");
+        cascade.root_pose = RootPose::of(&turn.to_homogeneous());
+        normals.iter().for_each(|&normal| cascade.zeros.count(normal));
+        let decided = decided(&cascade, &corners([0.06, 0.04, 0.025]));
+        (decided.1, decided.2[1], cascade.misplaced(decided.1).is_some())
+    };
+    let (raw, converted) = ([[-0.0, -0.0, -1.0]], [[0.0, -1.0, 0.0]]);
+    let (turned, tilted) = (about(Vector3::z(), 30.0), about(Vector3::y(), 30.0));
+    assert_eq!(placed(turned * upright, &raw), (Y, Warning, true));
+    assert_eq!(placed(tilted * upright, &raw), (Y, Warning, true));
+    assert_eq!(placed(turned * upright, &[]), (Y, Warning, true));
+    assert_eq!(placed(tilted * upright, &[]), (Y, Warning, false));
+    // OpenCASCADE's own files: nodes have the rotations of CAD, in the axes of the vertices.
+    assert_eq!(placed(turned, &raw), (Z, Warning, false));
+    assert_eq!(placed(about(Vector3::y(), 30.0), &converted), (Y, Note, false));
+    assert_eq!(placed(turned * upright, &converted), (Y, Note, false));
+    let scaled = Matrix4::new_scaling(2.0);
+    assert_eq!((RootPose::of(&scaled), RootPose::of(&-Matrix4::identity())), (None, None));
+}
+
+#[test]
+fn the_axes_of_files_from_trimesh_are_a_guess() {
+    let trimesh = clues(Glb, "https://github.com/mikedh/trimesh");
+    assert_eq!(decided(&trimesh, &corners([0.066, 0.066, 0.115])), (Metre, Y, [Note, Warning]));
+}
+
+#[test]
 fn unit_and_axis_of_obj_files_depend_on_their_producer() {
     let can = corners([66.0, 66.0, 115.0]);
     assert_eq!(decided(&clues(Obj, "Created by FreeCAD <http>"), &can), (Millimetre, Z, [Note, Note]));

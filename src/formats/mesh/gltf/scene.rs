@@ -14,6 +14,7 @@ use crate::formats::Pace;
 use crate::formats::mesh::clues::{Clues, RootTurn};
 use crate::formats::mesh::error::{EmptyCause, VertexPlace};
 use crate::formats::mesh::raw::{FrameNode, bounds_ink, hidden_notice, is_nearly};
+use crate::formats::mesh::root_pose::RootPose;
 use crate::formats::mesh::{
     MAX_TRIANGLES, MeshFormat, MeshReadError, NormalsFound, QUICK_TRIANGLES, RawPart, at_most, check_pace,
     normals,
@@ -63,6 +64,13 @@ pub(super) fn read(
     };
     let roots = walk.roots()?;
     walk.part.clues.root_turn = walk.turn_of(&roots);
+    if walk.part.clues.is_open_cascade() {
+        let pose = walk.root_pose(&roots);
+        walk.part.clues.root_pose = pose;
+        if pose.is_some_and(|pose| pose.sets_upright()) {
+            walk.part.clues.root_turn = RootTurn::FrontToUp;
+        }
+    }
     walk.nodes(roots)?;
     walk.finish_skipped();
     walk.finish()
@@ -123,15 +131,40 @@ impl Walk<'_> {
 
     /// The quarter turn about X that all roots with a mesh or children have in common.
     fn turn_of(&self, roots: &[usize]) -> RootTurn {
-        let carriers = roots
-            .iter()
-            .filter_map(|&number| self.root.nodes.get(number).zip(self.transform(number)))
-            .filter(|(node, _)| node.mesh.is_some() || node.children.is_some());
-        let turns: Vec<RootTurn> = carriers.map(|(_, transform)| quarter_turn(&transform)).collect();
+        let turns: Vec<RootTurn> =
+            self.carriers(roots).map(|(_, transform)| quarter_turn(&transform)).collect();
         match turns.first() {
             Some(&first) if turns.iter().all(|&turn| turn == first) => first,
             _ => RootTurn::Other,
         }
+    }
+
+    /// The pose of the first node that moves or turns the whole part: a root, or below roots that do not.
+    fn root_pose(&self, roots: &[usize]) -> Option<RootPose> {
+        let mut level = roots.to_vec();
+        // As many levels as nodes at most, also where nodes are their own children.
+        for _ in &self.root.nodes {
+            let carriers: Vec<(&Node, Transform)> = self.carriers(&level).collect();
+            let [(node, transform)] = &carriers[..] else { return None };
+            let matrix = matrix_of(transform);
+            if !matrix.is_identity(f64::EPSILON) {
+                return RootPose::of(&matrix);
+            }
+            if node.mesh.is_some() {
+                return None;
+            }
+            let below = children(node).collect();
+            level = below;
+        }
+        None
+    }
+
+    /// Those of the nodes that have a mesh or children, with their transforms.
+    fn carriers<'a>(&'a self, nodes: &'a [usize]) -> impl Iterator<Item = (&'a Node, Transform)> {
+        nodes
+            .iter()
+            .filter_map(|&number| self.root.nodes.get(number).zip(self.transform(number)))
+            .filter(|(node, _)| node.mesh.is_some() || node.children.is_some())
     }
 
     /// A node's own transform.
