@@ -339,7 +339,7 @@ fn damaged_files_give_a_reason_with_line_and_record() {
             }
         }
     }
-    for other in ["hello", "hello\nworld\n", "  v 1 2 3\n"] {
+    for other in ["hello", "hello\nworld\n", "  p 1 2 3\n"] {
         let found = other.trim().lines().next().unwrap();
         for refused in
             [read(other.as_bytes()).map(|_| ()), mesh::is_whole(other.as_bytes(), MeshFormat::Step)]

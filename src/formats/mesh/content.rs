@@ -14,6 +14,12 @@ pub enum Content {
     ThreeMf,
     /// STEP (ISO 10303-21).
     Step,
+    /// STL, text or binary.
+    Stl,
+    /// Wavefront OBJ.
+    Obj,
+    /// Additive Manufacturing Format.
+    Amf,
     /// A project of FreeCAD.
     FreeCad,
     /// Another ZIP archive.
@@ -49,6 +55,8 @@ impl Content {
             Self::Ply => ".ply",
             Self::ThreeMf => ".3mf",
             Self::Step => ".step",
+            Self::Stl => ".stl",
+            Self::Obj => ".obj",
             _ => return None,
         })
     }
@@ -83,6 +91,9 @@ impl fmt::Display for Content {
             Self::Ply => "a PLY file",
             Self::ThreeMf => "a 3MF file",
             Self::Step => "a STEP file",
+            Self::Stl => "an STL file",
+            Self::Obj => "an OBJ file",
+            Self::Amf => "an AMF file",
             Self::FreeCad => "a project of FreeCAD",
             Self::Zip => "a ZIP archive",
             Self::Gzip => "a file compressed by gzip",

@@ -19,6 +19,8 @@ const HEADER: usize = 80;
 const PREAMBLE: usize = HEADER + 4;
 /// Normal, three corners, and two bytes of attributes.
 const FACET: usize = 50;
+/// Number of facets by which a damaged file is told from one of another format.
+const FIRST_FACETS: usize = 16;
 
 /// Reads a part from an STL file.
 pub(super) fn read(bytes: &[u8]) -> Result<RawPart, MeshReadError> {
@@ -49,6 +51,11 @@ pub(super) fn has_length_of_binary(bytes: &[u8]) -> bool {
     count(bytes).is_some_and(|count| bytes.len() as u64 == PREAMBLE as u64 + u64::from(count) * FACET as u64)
 }
 
+/// Whether it is also that of a file with facets, which no other format has by chance.
+pub(super) fn has_facets_of_binary(bytes: &[u8]) -> bool {
+    count(bytes).is_some_and(|count| count > 0) && has_length_of_binary(bytes)
+}
+
 fn is_text(bytes: &[u8]) -> bool {
     let text = without_mark(bytes).trim_ascii_start();
     let begins_with_solid = text.len() >= 5 && text[..5].eq_ignore_ascii_case(b"solid");
@@ -68,6 +75,9 @@ fn binary_facets(bytes: &[u8]) -> Result<&[[u8; FACET]], MeshReadError> {
     let count = count(bytes).unwrap_or(0);
     let declared = PREAMBLE as u64 + u64::from(count) * FACET as u64;
     if (bytes.len() as u64) < declared {
+        if count as usize > MAX_TRIANGLES && !begins_with_facets(bytes) {
+            return Err(MeshReadError::NotThisFormat { format: MeshFormat::Stl, found: first_bytes(bytes) });
+        }
         return Err(MeshReadError::Truncated {
             format: MeshFormat::Stl,
             declared,
@@ -87,6 +97,19 @@ fn binary_facets(bytes: &[u8]) -> Result<&[[u8; FACET]], MeshReadError> {
     let count = if rest.is_empty() && count == 0 { facets.len() } else { count as usize };
     at_most("triangles", count, MAX_TRIANGLES)?;
     Ok(&facets[..count])
+}
+
+/// Whether numbers of facets follow the preamble: a normal that is missing or has the length 1, and corners that are finite. Data of
+/// other files, read as such, are numbers of any size.
+fn begins_with_facets(bytes: &[u8]) -> bool {
+    let facets = bytes.get(PREAMBLE..).unwrap_or_default().as_chunks::<FACET>().0;
+    facets.iter().take(FIRST_FACETS).all(|facet| {
+        let values = facet[..48].as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+        let values: Vec<f32> = values.collect();
+        let length = values[..3].iter().map(|value| value * value).sum::<f32>().sqrt();
+        let has_normal = values[..3] == [0.0; 3] || (length - 1.0).abs() < 0.1;
+        has_normal && values.iter().all(|value| value.is_finite())
+    })
 }
 
 /// The corners of all facets, one after the other.
@@ -313,6 +336,13 @@ mod tests {
         let mut false_count = bytes.clone();
         false_count[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(matches!(read(&false_count), Err(MeshReadError::Truncated { .. })));
+        // A mesh of ANSYS Fluent: a text, then numbers of eight bytes.
+        let mut other =
+            b"(1 \"meshio\")\n(2 3)\n(10 (0 1 80 0))\n(12 (0 1 fc 0))\n(3010 (1 1 80 1 3)(\n".to_vec();
+        other.resize(77, b' ');
+        (0..30).for_each(|number| other.extend(f64::to_le_bytes(-40.0 + 0.3 * f64::from(number))));
+        assert!(count(&other).is_some_and(|count| count as usize > MAX_TRIANGLES));
+        assert!(matches!(read(&other), Err(MeshReadError::NotThisFormat { .. })));
         let mut broken = bytes.clone();
         broken[84 + 50 + 12..84 + 50 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
         let place = VertexPlace::Numbered { what: "facet", number: 1 };

@@ -192,7 +192,7 @@ fn files_without_faces_name_the_likely_cause() {
     assert_eq!(cause(PLATE), EmptyCause::Nothing);
     assert_eq!(cause("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"), EmptyCause::Flat);
     assert_eq!(read_obj(b"").unwrap_err(), MeshReadError::EmptyFile);
-    for foreign in [&b"solid can\nfacet normal 0 0 1\n"[..], b"ISO-10303-22;\n", b"v 0 0 0\0\0"] {
+    for foreign in [&b"solid can\n"[..], b"ISO-10303-22;\n", b"v 0 0 0\0\0"] {
         let refused = read_obj(foreign);
         assert!(matches!(refused, Err(MeshReadError::NotThisFormat { .. })), "{refused:?}");
     }

@@ -257,6 +257,8 @@ fn files_of_other_formats_are_called_by_their_names() {
     let mut binary_stl = vec![0; 84 + 50];
     binary_stl[..9].copy_from_slice(b"PK\x03\x04 free");
     binary_stl[80] = 1;
+    let mut named_stl = binary_stl.clone();
+    named_stl[..9].copy_from_slice(b"a program");
     for (bytes, found) in [
         (&threemf[..], Content::ThreeMf),
         (&other, Content::Zip),
@@ -267,6 +269,10 @@ fn files_of_other_formats_are_called_by_their_names() {
         (b"<?xml version='1.0'?>\n<svg xmlns='http://www.w3.org/2000/svg'/>", Content::Svg),
         (b"  0\nSECTION\n  2\nHEADER\n", Content::Dxf),
         (b"ply\nformat ascii 1.0\n", Content::Ply),
+        (b"solid can\n  facet normal 0 0 1\n    outer loop\n", Content::Stl),
+        (&named_stl, Content::Stl),
+        (b"# a program\n\nmtllib can.mtl\no Can\nv 0.5 -1 2e1\nv 1 0 0\n", Content::Obj),
+        (b"<?xml version=\"1.0\"?>\n<amf unit=\"millimeter\">\n", Content::Amf),
     ] {
         for format in [
             MeshFormat::Stl,
@@ -278,7 +284,10 @@ fn files_of_other_formats_are_called_by_their_names() {
         ] {
             let own = matches!(
                 (format, found),
-                (MeshFormat::Ply, Content::Ply) | (MeshFormat::ThreeMf, Content::ThreeMf)
+                (MeshFormat::Ply, Content::Ply)
+                    | (MeshFormat::ThreeMf, Content::ThreeMf)
+                    | (MeshFormat::Stl, Content::Stl)
+                    | (MeshFormat::Obj, Content::Obj)
             );
             if own {
                 continue;
