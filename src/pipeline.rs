@@ -411,7 +411,7 @@ impl Pipeline {
         checks::traded(map, untraded.as_ref(), &after, settings, &mut notices);
         checks::distances(map, distances.as_ref(), lift, settings, &mut notices);
         checks::quality(map, &after, part, lift, &ink.extents, &mut notices);
-        checks::uncertain(&after, &part.facts, &mut notices).map_err(&rejected)?;
+        checks::uncertain(&after, &part.facts, part.surface.field.step(), &mut notices).map_err(&rejected)?;
         drawing.comments = comments(sku, learned, input, settings);
         let rotary = tiles.as_ref().map(|tiles| tiles.report(&placed, &projection, &drawing, settings));
         notices.extend(tiles.iter().flat_map(|tiles| tiles.notices(part, settings)));

@@ -585,6 +585,40 @@ pub(super) fn doubting_unit(reason: Reason, facts: &PatternFacts) -> Reason {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::formats::mesh::{self, MeshFormat, MeshOptions};
+    use crate::geometry::mapping::quality;
+
+    /// STEP files have no facets, and no deviation to export them with.
+    #[test]
+    fn what_samples_of_exact_faces_leave_open_is_not_blamed_on_facets() {
+        let facts_of = |bytes: &[u8], format| {
+            mesh::read(bytes, format, &MeshOptions::default(), &std::collections::BTreeMap::new())
+                .unwrap()
+                .facts
+        };
+        let step = include_bytes!("../../tests/data/parts/step/barrel.step");
+        let glb = include_bytes!("../../tests/data/parts/can/fc020-coarse.glb");
+        let ink = Ink::sample(&Pattern::default(), |_| true, 1.0, 1.0);
+        let flat = |at: FlatPoint| ViewPoint::new(at.x, at.y);
+        let mut after = quality::measure(&ink, flat, |_| Some(0.0)).unwrap();
+        (after.length, after.length_error) = (187.6, 0.173);
+        (after.uncertain.length_error, after.uncertain.max_slope) = (0.160, 0.06);
+        let warning = |facts: &PartFacts| {
+            let mut notices = Vec::new();
+            uncertain(&after, facts, 0.25, &mut notices).unwrap();
+            notices.pop().unwrap().message
+        };
+        let of_step = warning(&facts_of(step, MeshFormat::Step));
+        assert!(of_step.contains("within a few samples, which are 0.25 mm apart"), "{of_step}");
+        assert!(!of_step.contains("facets") && !of_step.contains("deviation"), "{of_step}");
+        let of_glb = warning(&facts_of(glb, MeshFormat::Glb));
+        assert!(of_glb.contains("facets are coarse") && of_glb.contains("a deviation of"), "{of_glb}");
+        after.uncertain.length_error = 100.0;
+        let refused =
+            uncertain(&after, &facts_of(step, MeshFormat::Step), 0.25, &mut Vec::new()).unwrap_err();
+        let text = format!("{} {}", refused.what, refused.remedy);
+        assert!(text.contains("a few samples") && !text.contains("deviation"), "{text}");
+    }
 
     #[test]
     fn equations_without_a_solution_are_explained_without_their_number() {

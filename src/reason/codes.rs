@@ -389,11 +389,12 @@ const CODES: &[Code] = &[
         "The part's facets, or the points of a scan, leave its surface uncertain under the drawing.",
         "The vertices of a mesh are on the part; between them isomark continues the surface smoothly. Where neighbouring \
          facets lead to different slopes, the true surface is not known exactly. The same holds where the normals in the file lean \
-         from those of a smooth surface, or the vertices scatter; the warning names which of these it is. The reported errors of lengths, areas \
+         from those of a smooth surface, or the vertices scatter; the warning names which of these it is. The faces of a STEP file are exact, but \
+         isomark takes samples of them, which round a sharp bend. The reported errors of lengths, areas \
          and angles contain this uncertainty (`uncertain` in the report), and here it is most of the length error.",
         "Export the part as glTF from CAD, which contains the normals of the true surface, and with a deviation of 0.05 mm. \
          In Blender, apply the Subdivision modifier; where the normals lean, use Mesh > Normals > Reset Vectors, or set \
-         `normals = \"estimate\"`. A scan needs less noise or more points.",
+         `normals = \"estimate\"`. A scan needs less noise or more points. On a STEP file place the drawing away from the bend.",
     ]),
     notice([
         "facets-flat",

@@ -191,15 +191,21 @@ pub(in crate::pipeline) fn unrolled(map: &LengthTrueMap, notices: &mut Vec<Notic
 }
 
 /// Rejects a surface that is not known well enough for true lengths, and adds a notice if most of the reported length error
-/// is what the facets leave uncertain.
+/// is what the facets leave uncertain, or of exact faces their samples, which are `step` apart, mm.
 pub(in crate::pipeline) fn uncertain(
     after: &Distortion,
     facts: &PartFacts,
+    step: f64,
     notices: &mut Vec<Notice>,
 ) -> Result<(), Reason> {
     let uncertain = &after.uncertain;
     let limit = UNKNOWN_SHARE * after.length;
-    let of_mesh = cause_of_uncertainty(facts, uncertain.max_slope);
+    // Of exact faces nothing is unknown except between the samples, where the slope jumps.
+    let is_exact = !facts.faces.is_empty() || facts.scan.is_none() && facts.triangles == 0;
+    let of_mesh = match is_exact {
+        true => Some(Cause::Detail(step)),
+        false => cause_of_uncertainty(facts, uncertain.max_slope),
+    };
     if uncertain.length_error > limit {
         let remedy = match &facts.scan {
             Some(_) => {
