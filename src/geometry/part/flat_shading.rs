@@ -15,6 +15,8 @@ use super::smooth_mesh::{CREASE_ANGLE, NORMAL_TOLERANCE, TURN_OF_PRISM};
 const SAME_NORMAL: f64 = 0.021;
 /// Two turns, or two widths, are alike if one is at most this many times the other.
 const ALIKE: f64 = 1.5;
+/// The two triangles of a bent quadrilateral turn by at most this, rad (10°).
+const BENT: f64 = 0.175;
 /// Share of the triangles whose normals may differ from their planes: slivers have no well-defined plane.
 const SLIVERS: f64 = 0.01;
 
@@ -51,8 +53,11 @@ impl Rounding {
 impl OpenFacets {
     /// Those of a mesh; `None` if there are none. In a mesh without normals, all facets are flat.
     pub fn of(mesh: &TriMesh) -> Option<Self> {
-        let shading = Shading::of(mesh)?;
-        let continuing = shading.continuing();
+        let mut shading = Shading::of(mesh)?;
+        let mut continuing = shading.continuing();
+        if shading.join_bent(mesh, &continuing) {
+            continuing = shading.continuing();
+        }
         if continuing.is_empty() {
             return None;
         }
@@ -302,6 +307,65 @@ impl Shading {
             .flat_map(|around| around.iter().map(|turn| around.iter().any(|other| turn.goes_on_in(other))))
             .collect();
         turns.into_iter().zip(goes_on).filter(|(_, goes_on)| *goes_on).map(|(turn, _)| turn).collect()
+    }
+
+    /// Joins the two triangles of each bent quadrilateral to one facet, where neither is one of the `continuing` ones; whether
+    /// there are any. The side of a twisted prism is a row of such quadrilaterals: only both triangles together meet the sides
+    /// before and behind.
+    fn join_bent(&mut self, mesh: &TriMesh, continuing: &[Turn]) -> bool {
+        let mut is_alone = vec![0; self.facets.len()];
+        for &face in &self.faces {
+            if let Some(count) = is_alone.get_mut(face as usize) {
+                *count += 1;
+            }
+        }
+        let mut is_alone: Vec<bool> = is_alone.into_iter().map(|triangles| triangles == 1).collect();
+        continuing.iter().flat_map(|turn| turn.facets).for_each(|facet| is_alone[facet as usize] = false);
+        let mut has_joined = false;
+        for triangle in 0..self.faces.len() {
+            let Some((other, shared)) = self.rest_of_quadrilateral(mesh, triangle) else { continue };
+            let [face, of_other] = [triangle, other].map(|of| self.faces[of] as usize);
+            if ![face, of_other].iter().all(|facet| is_alone.get(*facet) == Some(&true)) {
+                continue;
+            }
+            let [one, two] = [face, of_other].map(|facet| &self.facets[facet]);
+            if one.normal.angle(&two.normal) > BENT {
+                continue;
+            }
+            let normal = one.normal * one.area + two.normal * two.area;
+            let joined = Facet {
+                normal: normal.try_normalize(0.0).unwrap_or(one.normal),
+                middle: one.middle + two.middle,
+                area: one.area + two.area,
+                perimeter: one.perimeter + two.perimeter - 2.0 * shared,
+            };
+            self.facets[face] = joined;
+            self.faces[other] = face as u32;
+            (is_alone[face], is_alone[of_other]) = (false, false);
+            has_joined = true;
+        }
+        has_joined
+    }
+
+    /// The triangle that makes a quadrilateral with opposite sides of about the same length with this one, and the length of the
+    /// side between them, mm, which is the longest of both.
+    fn rest_of_quadrilateral(&self, mesh: &TriMesh, triangle: usize) -> Option<(usize, f64)> {
+        let sides = |triangle: usize| {
+            let points = mesh.corners(mesh.triangles()[triangle]);
+            [0, 1, 2].map(|side| (points[(side + 1) % 3] - points[side]).norm())
+        };
+        let longest = |sides: &[f64; 3]| {
+            (0..3).fold(0, |most, side| if sides[side] > sides[most] { side } else { most })
+        };
+        let own = sides(triangle);
+        let side = longest(&own);
+        let opposite = self.opposite[3 * triangle + side] as usize;
+        let other = opposite / 3;
+        self.faces.get(other)?;
+        let rest = sides(other);
+        let are_opposite_alike =
+            (1..3).all(|next| are_alike(own[(side + next) % 3], rest[(opposite + next) % 3]));
+        (longest(&rest) == opposite % 3 && are_opposite_alike).then_some((other, own[side]))
     }
 
     /// The turn across a side, if the facets on both sides could be of one round face.
