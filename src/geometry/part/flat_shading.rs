@@ -323,9 +323,13 @@ impl Shading {
         continuing.iter().flat_map(|turn| turn.facets).for_each(|facet| is_alone[facet as usize] = false);
         let mut has_joined = false;
         for triangle in 0..self.faces.len() {
+            let face = self.faces[triangle] as usize;
+            if is_alone.get(face) != Some(&true) {
+                continue;
+            }
             let Some((other, shared)) = self.rest_of_quadrilateral(mesh, triangle) else { continue };
-            let [face, of_other] = [triangle, other].map(|of| self.faces[of] as usize);
-            if ![face, of_other].iter().all(|facet| is_alone.get(*facet) == Some(&true)) {
+            let of_other = self.faces[other] as usize;
+            if is_alone.get(of_other) != Some(&true) {
                 continue;
             }
             let [one, two] = [face, of_other].map(|facet| &self.facets[facet]);
