@@ -63,6 +63,9 @@ const FLAT: f64 = 2.5;
 const MORE_THAN_ONE: usize = 3;
 /// Single triangles with their vertices on it may leave it farther, and then facets that leave it as far, but for this share, are on it.
 const SAME_BULGE: f64 = 0.01;
+/// Vertices on the chords of a facet are at most so many times as far below the surface as a chord from one end of the facet to the other
+/// round the axis: chords between vertices that do not face each other are a little longer than the facet is wide.
+const DEEPEST_CHORD: f64 = 2.0;
 /// The normals of facets on a cylinder lean along its lines by at most this, rad: by a few hundredths where its rims are cut
 /// differently, by more beside a hole.
 const LEAN: f64 = 0.6;
@@ -599,7 +602,7 @@ impl<'a> FacetsOn<'a> {
     }
 
     /// Whether the facet of a triangle is, but for small triangles in its plane, as those at the beginning of a fillet. Vertices on
-    /// chords are between others round the axis.
+    /// chords are between others round the axis, and no deeper than chords between these.
     fn is_on(&self, triangle: usize) -> bool {
         let Self { search: Search { mesh, facets, .. }, group: Group { round, most, .. }, .. } = self;
         let area = |triangle: usize| {
@@ -610,6 +613,7 @@ impl<'a> FacetsOn<'a> {
         let around = round.axis().cross(&facet_normal(mesh.corners(largest).0));
         let mut on = [f64::INFINITY, f64::NEG_INFINITY];
         let mut chords = on;
+        let (mut depth, mut radius) = (0.0f64, 0.0f64);
         for triangle in facets.with(triangle) {
             let corners = mesh.corners(triangle).0;
             let places = mesh.triangles[triangle].map(|vertex| self.place(vertex));
@@ -620,7 +624,13 @@ impl<'a> FacetsOn<'a> {
                 return false;
             }
             for (place, point) in places.iter().zip(&corners) {
-                let range = if *place == Some(true) { &mut on } else { &mut chords };
+                let range = if *place == Some(true) {
+                    radius = radius.max(round.distance_from_axis(point));
+                    &mut on
+                } else {
+                    depth = depth.max(-round.distance(point));
+                    &mut chords
+                };
                 let at = around.dot(&point.coords);
                 *range = [range[0].min(at), range[1].max(at)];
             }
@@ -630,7 +640,11 @@ impl<'a> FacetsOn<'a> {
                 return false;
             }
         }
-        on[0] <= chords[0] && chords[1] <= on[1]
+        let half = (on[1] - on[0]) / (2.0 * around.norm());
+        let sagitta = radius - (radius * radius - half * half).max(0.0).sqrt();
+        on[0] <= chords[0]
+            && chords[1] <= on[1]
+            && (depth == 0.0 || depth <= DEEPEST_CHORD * sagitta + self.near)
     }
 }
 
@@ -798,6 +812,63 @@ mod tests {
             }
             let (most, count) = largest_lean(&smooth(positions, triangles), radius, slope);
             assert!(most < 1e-6 && count >= 40, "slope {slope}: {most} rad at {count} vertices");
+        }
+    }
+
+    /// A cone of one strip of `count` sectors between two rings about the z axis, or a fan to its tip if the upper radius is 0, and its
+    /// ends, as programs of solid geometry export it: all coordinates have six digits. The upper ring is turned by a share of a sector.
+    fn closed_cone([low, high]: [f64; 2], height: f64, count: u32, turned: f64) -> SmoothMesh {
+        let ring = |radius: f64, z: f64, turned: f64| {
+            (0..count).map(move |step| {
+                let angle = std::f64::consts::TAU * (f64::from(step) + turned) / f64::from(count);
+                let digits = |value: f64| format!("{value:.5e}").parse::<f64>().unwrap();
+                Point3::new(digits(radius * angle.cos()), digits(radius * angle.sin()), z)
+            })
+        };
+        let is_fan = high == 0.0;
+        let tips = if is_fan { 1 } else { count };
+        let upper = ring(high, height, turned).take(tips as usize);
+        let positions = ring(low, 0.0, 0.0).chain(upper).collect();
+        let mut triangles = Vec::new();
+        for step in 0..count {
+            let next = (step + 1) % count;
+            triangles.push([step, next, count + step % tips]);
+            if !is_fan {
+                triangles.push([next, count + next, count + step]);
+            }
+            if step > 1 {
+                triangles.push([0, step, step - 1]);
+                if !is_fan {
+                    triangles.push([count, count + step - 1, count + step]);
+                }
+            }
+        }
+        smooth(positions, triangles)
+    }
+
+    #[test]
+    fn a_cone_whose_upper_ring_is_near_its_tip_is_no_cylinder() {
+        // Every second facet is narrower than a sliver.
+        for (count, high) in [(48, 0.01), (48, 0.02), (64, 0.02), (64, 0.05), (100, 0.05), (100, 0.07)] {
+            for turned in [0.0, 0.5] {
+                let cone = closed_cone([20.0, high], 60.0, count, turned);
+                let slope = (20.0 - high) / 60.0;
+                for triangle in 0..cone.triangles.len() {
+                    let (corners, normals) = cone.corners(triangle);
+                    if corners.iter().all(|at| at.z == corners[0].z) {
+                        continue;
+                    }
+                    for (at, normal) in corners.iter().zip(normals) {
+                        let name = format!("{count} sectors to {high} mm, turned by {turned}, {at}");
+                        let across = at.coords.xy();
+                        let off = across.norm() - (20.0 - slope * at.z);
+                        assert!(off.abs() < 1e-3, "{name}: off by {off} mm");
+                        let exact = Vector3::new(across.x, across.y, slope * across.norm());
+                        let lean = normal.angle(&exact);
+                        assert!(turned > 0.0 || lean < 1e-4, "{name}: {lean} rad");
+                    }
+                }
+            }
         }
     }
 

@@ -82,12 +82,14 @@ impl PlaneFacets {
     }
 
     /// For each vertex of the mesh, whether it is a vertex of one facet only: where a hole is cut into a mesh, its vertices are on the
-    /// facets, and not on the part from which these were cut. A sliver has no plane.
+    /// facets, and not on the part from which these were cut. A sliver has no plane, unless a larger triangle has the same: the needles
+    /// to the tip of a cone are as narrow as slivers there, and of its facets.
     pub(super) fn only_one(&self, mesh: &SmoothMesh) -> Vec<bool> {
         let mut first = vec![None; mesh.positions.len()];
         let mut is_of_one = vec![true; mesh.positions.len()];
         for (triangle, (corners, facet)) in mesh.triangles.iter().zip(&self.of_triangle).enumerate() {
-            if sliver_side(mesh.corners(triangle).0).is_some() {
+            let is_sliver = |triangle: usize| sliver_side(mesh.corners(triangle).0).is_some();
+            if is_sliver(triangle) && self.with(triangle).next().is_none_or(is_sliver) {
                 continue;
             }
             for &vertex in corners {
