@@ -1,6 +1,7 @@
 //! Recognition of cylinders: real exports of a cylinder are recognised, a part that only resembles one is not.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::Path as FilePath;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
@@ -8,20 +9,26 @@ use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
+use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
 use isomark::geometry::shapes;
-use isomark::geometry::space::{Facing, FlatPoint, View};
+use isomark::geometry::space::{Facing, FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 const AUTOMATIC: Method =
     Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: IsometricOptions::INK };
 
 /// Five lines across, 39 mm long and 3 mm apart.
 fn lines(middle: FlatPoint) -> Pattern {
+    lines_of(39.0, 3.0, middle)
+}
+
+/// Five lines across.
+fn lines_of(length: f64, apart: f64, middle: FlatPoint) -> Pattern {
     let line = |row: i32| {
-        let y = middle.y + 3.0 * f64::from(row);
-        let ends = [-19.5, 19.5].map(|x| FlatPoint::new(middle.x + x, y));
+        let y = middle.y + apart * f64::from(row);
+        let ends = [-length / 2.0, length / 2.0].map(|x| FlatPoint::new(middle.x + x, y));
         Path {
             layer: 0,
             color: Color::ByLayer,
@@ -81,6 +88,68 @@ fn shafts_with_a_hole_or_a_boss_are_recognised_as_cylinders() {
         let LengthTrueMap::Cylinder(_, fit) = map else { panic!("{name}: {:?}", map.fit_residual()) };
         assert!((fit.cylinder.radius - radius).abs() < 0.001 && fit.residual < 0.001, "{name}: {fit:?}");
         assert!(surface.uncertainty(middle.coords().into()).slope < 0.001, "{name}");
+    }
+}
+
+/// A solid cone about the x axis from a ring of 20 mm to one of `tip`, mm, 60 mm away, or to a point, as programs of solid geometry
+/// export it: each coordinate has six digits.
+fn cone(tip: f64, sectors: u32) -> TriMesh {
+    let ring = |radius: f64, x: f64, count: u32| {
+        (0..count).map(move |step| {
+            let angle = TAU * f64::from(step) / f64::from(sectors);
+            let digits = |value: f64| format!("{value:.5e}").parse::<f64>().unwrap();
+            Point3::new(x, digits(radius * angle.cos()), digits(radius * angle.sin()))
+        })
+    };
+    let tips = if tip > 0.0 { sectors } else { 1 };
+    let positions = ring(20.0, 0.0, sectors).chain(ring(tip, 60.0, tips)).collect();
+    let mut triangles = Vec::new();
+    for step in 0..sectors {
+        let next = (step + 1) % sectors;
+        triangles.push([next, sectors + step % tips, step]);
+        if tip > 0.0 {
+            triangles.push([next, sectors + next, sectors + step]);
+        }
+        if step > 1 {
+            triangles.push([0, step, step - 1]);
+            if tip > 0.0 {
+                triangles.push([sectors, sectors + step - 1, sectors + step]);
+            }
+        }
+    }
+    TriMesh::new(positions, Vec::new(), triangles).unwrap()
+}
+
+/// Near the tip, the facets are narrower than what shows a plane.
+#[test]
+fn cones_are_recognised_however_near_they_come_to_a_point() {
+    for tip in [0.0, 0.02, 0.05, 0.5, 2.0] {
+        for sectors in [24, 33, 48, 64, 100] {
+            // Six digits of the other ring do not show which side of a facet of 1 µm is the longest.
+            if tip > 0.0 && TAU * tip / f64::from(sectors) < 1.5e-3 {
+                continue;
+            }
+            let name = format!("{sectors} sectors to {tip} mm");
+            let facing = FacingPart::new(&cone(tip, sectors), &View::top());
+            let surface = FittedSurface::of_part(&facing, &FitOptions::default()).unwrap();
+            let middle = FlatPoint::new(22.0, 0.0);
+            let drawing = lines_of(20.0, 2.5, middle);
+            let map = LengthTrueMap::find(&surface, &drawing, |_| true, middle, &AUTOMATIC).unwrap();
+            let LengthTrueMap::Cone(_, fit) = map else { panic!("{name}: {:?}", map.fit_residual()) };
+            let half_angle = ((20.0 - tip) / 60.0).atan();
+            assert!(
+                (fit.cone.half_angle - half_angle).abs() < 1e-5 && fit.residual < 0.001,
+                "{name}: {fit:?}"
+            );
+            assert!(surface.uncertainty(middle.coords().into()).slope < 0.001, "{name}");
+            let exact = |at: ViewPoint| {
+                let radius = 20.0 - (20.0 - tip) * at.x / 60.0;
+                Some((radius * radius - at.y * at.y).sqrt())
+            };
+            let ink = Ink::sample(&drawing, |_| true, quality::PIECE, quality::SQUARE);
+            let figures = quality::measure(&ink, |at| map.point(at), exact).unwrap();
+            assert!(figures.length_error < 0.002, "{name}: {} mm", figures.length_error);
+        }
     }
 }
 

@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::adjacency::turn_in_view;
+use super::adjacency::{WELD_DISTANCE, turn_in_view};
+use super::cone::Cone;
 use super::curved_triangle::Hit;
 use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
@@ -417,6 +418,7 @@ impl<'f> FacingPart<'f> {
         let patch = self.mesh.patch(triangle);
         let bulge = patch.largest_bulge();
         let Some(patch) = patch.seen() else { return };
+        let cone = self.mesh.cone_of(triangle);
         let near = Extents::of(points.map(|point| point.coords.xy())).grown(bulge);
         let grid = seen.grid;
         for row in rows {
@@ -427,6 +429,7 @@ impl<'f> FacingPart<'f> {
                     continue;
                 }
                 let Some(hit) = patch.hit(at) else { continue };
+                let hit = cone.and_then(|cone| hit_on_cone(cone, at, hit, bulge)).unwrap_or(hit);
                 let old = *known;
                 // A flat facet under a neighbour's bulge must not hide the true surface.
                 let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
@@ -464,6 +467,7 @@ impl<'f> FacingPart<'f> {
             gradient: hit.gradient,
             off: match self.faces {
                 Some(_) => 0.0,
+                None if self.mesh.cone_of(triangle as usize).is_some() => 0.0,
                 None => self.mesh.steepness_of_sliver(triangle as usize, shortest),
             },
         };
@@ -697,6 +701,18 @@ impl HeightField {
             self.cell_nodes(column, row).iter().all(|&index| matches!(self.nodes[index], Node::Surface(_)))
         })
     }
+}
+
+/// Where the laser's axis meets the cone of which a triangle is a facet, if its patch, which leaves the facet by at most `bulge`, mm,
+/// is hit; `None` at the apex, which has no slope, and where that is farther from the hit than from a surface that may be marked.
+fn hit_on_cone(cone: &Cone, at: Vector2<f64>, hit: Hit, bulge: f64) -> Option<Hit> {
+    let point = cone.on_sight(at.into(), hit.height)?;
+    let most = (bulge + WELD_DISTANCE) / STEEPEST_SURFACE.cos();
+    if (point.z - hit.height).abs() > most || cone.split(&point).1 == Vector3::zeros() {
+        return None;
+    }
+    let normal = cone.outward(&point);
+    Some(Hit { height: point.z, gradient: -normal.xy() / normal.z, on_patch: hit.on_patch })
 }
 
 /// For every node, the face that is hit there, and where it is hit; and the nodes with a second skin.

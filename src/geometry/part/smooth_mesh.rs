@@ -28,6 +28,7 @@ mod turned_tests;
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use super::adjacency::{NONE, facet_normal};
+use super::cone::Cone;
 use super::curved_triangle::CurvedTriangle;
 
 /// In files without normals, facets that meet at a larger angle than this, rad, are the two sides of an edge of the
@@ -78,6 +79,9 @@ pub struct SmoothMesh {
     /// Edges of the part that only the facets show: one entry for each of the two sides, in ascending order of the
     /// sides.
     pub(super) creases: Vec<Crease>,
+    /// The triangles that are facets of a cone, in ascending order, each with the cone, which is the part there: the curved patch is
+    /// only near it.
+    pub(super) cones: Vec<(u32, Cone)>,
 }
 
 /// One side of an edge of the part.
@@ -122,6 +126,12 @@ impl SmoothMesh {
             edges[crease.side as usize % 3] = Some(crease.directions);
         }
         CurvedTriangle::beside_edges(corners, normals, edges)
+    }
+
+    /// The cone of which a triangle is a facet, if it is of one.
+    pub(super) fn cone_of(&self, triangle: usize) -> Option<&Cone> {
+        let at = self.cones.binary_search_by_key(&(triangle as u32), |&(triangle, _)| triangle).ok()?;
+        Some(&self.cones[at].1)
     }
 
     /// At least the largest bulge of the patch over a triangle, mm; infinite where that takes as long as the patch.

@@ -14,7 +14,8 @@ use super::ends::{Straight, Surface, Surroundings, precision, rounding};
 use super::plane_facets::PlaneFacets;
 use super::round::{Plane, Round};
 use super::settling::Settling;
-use crate::geometry::adjacency::{NONE, facet_normal, sliver_side, width};
+use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, sliver_side, width};
+use crate::geometry::cone::Cone;
 use crate::geometry::flats::{CHORD_OF_ROUND, MOST_IN_TURN};
 use crate::geometry::fork::{Fork, found, look_ahead};
 use crate::geometry::shape_fit::cross_directions;
@@ -47,6 +48,9 @@ const REACHES: [usize; 2] = [4, 2];
 const NARROWER: f64 = 2.0;
 /// Strips to which a cone is fitted in vain, at most: there are so many on coarse turned parts and other nets of facets.
 const MOST_VAIN_CONES: usize = 1_000;
+/// Triangles of a strip that shows a cylinder, and a cone, at least: the four vertices of two are always on a cylinder, as those of two
+/// facets of a fan.
+const LEAST_OF_STRIP: [usize; 2] = [3, 4];
 /// Points of which a cylinder is fitted, at most.
 const MOST_POINTS: usize = 400;
 /// Rounds in which a cylinder is fitted to the facets that it has gained.
@@ -91,22 +95,22 @@ pub(super) struct Rounds {
     /// For each triangle, whether it is of a cylinder; empty if there are no cylinders or cones.
     pub(super) is_cylinder: Vec<bool>,
     /// Triangles, each with its cone.
-    on_cones: Vec<(usize, Round)>,
+    on_cones: Vec<(usize, Cone)>,
 }
 
 impl Rounds {
-    /// For each triangle of a cone, by how much the slope of its patch differs from that of the cone, rad, root mean square: patches with
-    /// exact normals are on a cylinder, but only near a cone.
-    pub(super) fn doubts_of_cones(&self, mesh: &SmoothMesh) -> Vec<(usize, f32)> {
-        let off = |(triangle, cone): &(usize, Round)| {
+    /// The triangles of cones, in ascending order, each with its cone: patches with exact normals are on a cylinder, but only near a cone.
+    /// Without those whose patch is farther from it than from its facet.
+    pub(super) fn cones(&self, mesh: &SmoothMesh) -> Vec<(u32, Cone)> {
+        let is_near = |(triangle, cone): &&(usize, Cone)| {
             let patch = mesh.patch(*triangle);
-            let off =
-                |(at, normal): (Point3<f64>, Vector3<f64>)| normal.cross(&cone.outward(&at)).norm_squared();
-            let [sum, count] =
-                patch.grid().map(off).fold([0.0; 2], |[sum, count], square| [sum + square, count + 1.0]);
-            (*triangle, (sum / count).sqrt() as f32)
+            let most = patch.largest_bulge() + WELD_DISTANCE;
+            patch.grid().all(|(at, _)| cone.distance(&at).abs() <= most)
         };
-        self.on_cones.iter().map(off).collect()
+        let near = self.on_cones.iter().filter(is_near);
+        let mut cones: Vec<_> = near.map(|&(triangle, cone)| (triangle as u32, cone)).collect();
+        cones.sort_by_key(|&(triangle, _)| triangle);
+        cones
     }
 }
 
@@ -149,9 +153,25 @@ pub(super) fn settle(
     for (group, at_edges, is_hollow) in &groups {
         let way = if *is_hollow { -1.0 } else { 1.0 };
         let normal = |mesh: &SmoothMesh, vertex: u32| {
-            Some(group.round.outward(&mesh.positions[vertex as usize]) * way)
+            let at = &mesh.positions[vertex as usize];
+            (!group.round.is_at_apex(at, group.near)).then(|| group.round.outward(at) * way)
         };
         settling.set(&group.triangles, at_edges, normal);
+    }
+    // At its apex, a cone has as many normals as it has lines: each facet has that of the line in its middle.
+    for (group, _, is_hollow) in &groups {
+        let way = if *is_hollow { -1.0 } else { 1.0 };
+        for &triangle in &group.triangles {
+            let corners = mesh.corners(triangle).0;
+            let Some(corner) = corners.iter().position(|at| group.round.is_at_apex(at, group.near)) else {
+                continue;
+            };
+            mesh.triangles[triangle][corner] = mesh.positions.len() as u32;
+            mesh.positions.push(corners[corner]);
+            mesh.normals.push(group.round.outward(&middle(corners)) * way);
+            estimated.push(false);
+            deviations.extend((!deviations.is_empty()).then_some(0.0));
+        }
     }
     let mut rounds = Rounds { is_cylinder: vec![false; count], on_cones: Vec::new() };
     for (group, ..) in &groups {
@@ -159,12 +179,15 @@ pub(super) fn settle(
             let (corners, normals) = mesh.corners(triangle);
             let ends = corners.iter().zip(normals);
             let is_known = ends
-                .map(|(corner, normal)| normal.cross(&group.round.outward(corner)).norm() < SAME_NORMAL)
+                .map(|(corner, normal)| {
+                    group.round.is_at_apex(corner, group.near)
+                        || normal.cross(&group.round.outward(corner)).norm() < SAME_NORMAL
+                })
                 .collect::<Vec<_>>();
-            if let Round::Cylinder(_) = group.round {
+            let Round::Cone(cone) = group.round else {
                 rounds.is_cylinder[triangle] = !is_known.contains(&false);
                 continue;
-            }
+            };
             for (vertex, _) in
                 mesh.triangles[triangle].into_iter().zip(&is_known).filter(|(_, known)| **known)
             {
@@ -174,7 +197,7 @@ pub(super) fn settle(
                 }
             }
             if !is_known.contains(&false) {
-                rounds.on_cones.push((triangle, group.round));
+                rounds.on_cones.push((triangle, cone));
             }
         }
     }
@@ -244,7 +267,7 @@ impl SmoothMesh {
     fn is_hollow(&self, group: &Group) -> bool {
         let outward = |&triangle: &usize| {
             let corners = self.corners(triangle).0;
-            facet_normal(corners).dot(&group.round.outward(&corners[0]))
+            facet_normal(corners).dot(&group.round.outward(&middle(corners)))
         };
         group.triangles.iter().map(outward).sum::<f64>() < 0.0
     }
@@ -377,7 +400,9 @@ impl Search<'_> {
         let shown = |((reach, least_bulge), side)| {
             let strip = self.strip(triangle, side, reach);
             let points = || self.some_points(&strip, None);
-            let cylinder = Round::cylinder(&self.planes(&strip), points, self.near);
+            let cylinder = (strip.len() >= LEAST_OF_STRIP[0])
+                .then(|| Round::cylinder(&self.planes(&strip), points, self.near))
+                .flatten();
             Shown { cylinder, strip, least_bulge }
         };
         tries.map(shown).collect()
@@ -392,7 +417,7 @@ impl Search<'_> {
                 triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
                 self.visits = self.visits.saturating_sub(triangles.len());
                 let points = self.some_points(&triangles, Some(&group.round));
-                let round = group.round.fitted(&points);
+                let round = group.round.fitted(&points, self.near);
                 let bulges = triangles.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle));
                 let most = bulges.map(|bulge| bulge * (1.0 + SAME_BULGE)).fold(group.most, f64::max);
                 let next = Group { round, most, triangles: Vec::new(), ..group };
@@ -414,7 +439,8 @@ impl Search<'_> {
             shown.strip.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle)).collect();
         bulges.sort_by(f64::total_cmp);
         let usual = bulges[bulges.len() / 2];
-        let radius = round.distance_from_axis(&self.mesh.corners(*shown.strip.first()?).0[0]);
+        let corners = self.mesh.corners(*shown.strip.first()?).0;
+        let radius = round.distance_from_axis(corners.iter().find(|at| !round.is_at_apex(at, self.near))?);
         let most_of_round = radius * (1.0 - (CHORD_OF_ROUND / 2.0).cos());
         let wide = &bulges[bulges.partition_point(|&bulge| bulge <= FLAT * usual)..];
         let most = match wide.last() {
@@ -457,7 +483,7 @@ impl Search<'_> {
     fn planes(&self, strip: &[usize]) -> Vec<Plane> {
         let plane = |&triangle: &usize| {
             let corners = self.mesh.corners(triangle).0;
-            Plane { normal: facet_normal(corners), at: corners[0] }
+            Plane { normal: facet_normal(corners), at: middle(corners) }
         };
         strip.iter().map(plane).collect()
     }
@@ -465,6 +491,7 @@ impl Search<'_> {
     /// The cylinder on which the vertices of all triangles of a strip are, or the cone.
     fn round_of(&mut self, Shown { strip, cylinder, .. }: &Shown) -> Option<Round> {
         if cylinder.is_some()
+            || strip.len() < LEAST_OF_STRIP[1]
             || self.vain_cones == 0
             || strip.iter().any(|&triangle| self.is_coneless[triangle])
         {
@@ -548,6 +575,7 @@ impl Search<'_> {
         let points = self.some_points(triangles, Some(round));
         let mut angles: Vec<f64> = points
             .iter()
+            .filter(|point| !round.is_at_apex(point, self.near))
             .map(|point| round.outward(point))
             .map(|outward| outward.dot(&second).atan2(outward.dot(&first)))
             .collect();
@@ -555,6 +583,11 @@ impl Search<'_> {
         angles.dedup_by(|next, kept| *next - *kept < SAME_ANGLE);
         points.len() >= LEAST_VERTICES && angles.len() >= LEAST_ANGLES
     }
+}
+
+/// The middle of a triangle.
+fn middle(corners: [Point3<f64>; 3]) -> Point3<f64> {
+    Point3::from(corners.iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0)
 }
 
 /// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
@@ -598,7 +631,9 @@ impl<'a> FacetsOn<'a> {
         let is_on_chord =
             || self.search.is_on_chord[vertex as usize] && -self.group.most <= distance && distance < 0.0;
         let is_on = distance.abs() <= self.near;
-        (self.group.round.distance_from_axis(at) > self.near && (is_on || is_on_chord())).then_some(is_on)
+        let has_place =
+            self.group.round.distance_from_axis(at) > self.near || self.group.round.is_at_apex(at, self.near);
+        (has_place && (is_on || is_on_chord())).then_some(is_on)
     }
 
     /// Whether the facet of a triangle is, but for small triangles in its plane, as those at the beginning of a fillet. Vertices on
@@ -634,7 +669,8 @@ impl<'a> FacetsOn<'a> {
                 let at = around.dot(&point.coords);
                 *range = [range[0].min(at), range[1].max(at)];
             }
-            let leans = facet_normal(corners).dot(&round.ruling(&corners[0])).abs() >= LEAN;
+            let on_line = if round.is_at_apex(&corners[0], self.near) { middle(corners) } else { corners[0] };
+            let leans = facet_normal(corners).dot(&round.ruling(&on_line)).abs() >= LEAN;
             let leaves = bulge_on(mesh, round, triangle) > *most && facets.with(triangle).nth(1).is_some();
             if leaves || leans && sliver_side(corners).is_none() {
                 return false;
@@ -651,8 +687,9 @@ impl<'a> FacetsOn<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::height_field::{FacingPart, Grid};
     use crate::geometry::mesh::TriMesh;
-    use crate::geometry::space::View;
+    use crate::geometry::space::{Facing, View};
 
     /// The strip between two rings about the z axis, each with its angles, rad, from the first to the last of them; the next vertex is
     /// taken on the ring that is behind.
@@ -817,7 +854,8 @@ mod tests {
 
     /// A cone of one strip of `count` sectors between two rings about the z axis, or a fan to its tip if the upper radius is 0, and its
     /// ends, as programs of solid geometry export it: all coordinates have six digits. The upper ring is turned by a share of a sector.
-    fn closed_cone([low, high]: [f64; 2], height: f64, count: u32, turned: f64) -> SmoothMesh {
+    /// `first` is the corner with which the triangles of the side begin.
+    fn closed_cone([low, high]: [f64; 2], height: f64, count: u32, turned: f64, first: usize) -> SmoothMesh {
         let ring = |radius: f64, z: f64, turned: f64| {
             (0..count).map(move |step| {
                 let angle = std::f64::consts::TAU * (f64::from(step) + turned) / f64::from(count);
@@ -832,9 +870,13 @@ mod tests {
         let mut triangles = Vec::new();
         for step in 0..count {
             let next = (step + 1) % count;
-            triangles.push([step, next, count + step % tips]);
+            let rotated = |mut corners: [u32; 3]| {
+                corners.rotate_left(first);
+                corners
+            };
+            triangles.push(rotated([step, next, count + step % tips]));
             if !is_fan {
-                triangles.push([next, count + next, count + step]);
+                triangles.push(rotated([next, count + next, count + step]));
             }
             if step > 1 {
                 triangles.push([0, step, step - 1]);
@@ -851,7 +893,7 @@ mod tests {
         // Every second facet is narrower than a sliver.
         for (count, high) in [(48, 0.01), (48, 0.02), (64, 0.02), (64, 0.05), (100, 0.05), (100, 0.07)] {
             for turned in [0.0, 0.5] {
-                let cone = closed_cone([20.0, high], 60.0, count, turned);
+                let cone = closed_cone([20.0, high], 60.0, count, turned, 0);
                 let slope = (20.0 - high) / 60.0;
                 for triangle in 0..cone.triangles.len() {
                     let (corners, normals) = cone.corners(triangle);
@@ -869,6 +911,68 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn cones_are_known_from_the_ring_at_their_foot_and_their_tip() {
+        // Steep, at right angles, flat, and to a ring about as small as what is welded.
+        for (low, high, height) in
+            [(20.0, 0.0, 60.0), (20.0, 0.0, 20.0), (30.0, 0.0, 6.0), (20.0, 0.03, 60.0), (20.0, 8.0, 60.0)]
+        {
+            for (count, first) in
+                [24, 33, 48, 100].into_iter().flat_map(|count| [0, 1, 2].map(|first| (count, first)))
+            {
+                let name =
+                    format!("{count} sectors from {low} to {high} mm over {height} mm, corner {first}");
+                let cone = closed_cone([low, high], height, count, 0.0, first);
+                let sides = count * if high > 0.0 { 2 } else { 1 };
+                assert_eq!(cone.cones.len(), sides as usize, "{name}");
+                let half_angle = ((low - high) / height).atan();
+                for (triangle, found) in &cone.cones {
+                    assert!((found.half_angle - half_angle).abs() < 1e-5, "{name}: {}", found.half_angle);
+                    assert!((found.axis.z.abs() - 1.0).abs() < 1e-9, "{name}");
+                    let doubt = cone.slope_doubts.get(*triangle as usize).copied().unwrap_or(0.0);
+                    assert_eq!(doubt, 0.0, "{name}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_cone_is_met_where_it_is_and_not_where_its_patches_are() {
+        // Seen along its axis and across it.
+        for (facing, steep) in
+            [(Vector3::z(), 20.0), (Vector3::x(), 60.0), (Vector3::new(0.6, 0.0, 0.8), 30.0)]
+        {
+            let view = View::new(Facing::towards(facing).unwrap(), 0.0);
+            let mesh = {
+                let cone = closed_cone([20.0, 0.0], steep, 24, 0.0, 0);
+                TriMesh::new(cone.positions, Vec::new(), cone.triangles).unwrap()
+            };
+            let exact = Cone {
+                apex: view.point(Point3::new(0.0, 0.0, steep)),
+                axis: nalgebra::Unit::new_normalize(view.vector(-Vector3::z())),
+                half_angle: (20.0f64 / steep).atan(),
+            };
+            let part = FacingPart::new(&mesh, &view);
+            let samples = part.sample(&Grid::over(&part.extents(), 0.7));
+            let mut count = 0;
+            for (column, row, height) in samples.field.surface_nodes() {
+                let at = samples.field.position(column, row);
+                let point = Point3::new(at.x, at.y, height);
+                // The foot is seen, too, from some sides.
+                let is_on_foot = (exact.split(&point).0 - steep).abs() < 0.3;
+                if !is_on_foot {
+                    assert!(
+                        exact.distance(&point).abs() < 2e-4,
+                        "{facing}, {at:?}: {}",
+                        exact.distance(&point)
+                    );
+                    count += 1;
+                }
+            }
+            assert!(count > 500, "{count}");
         }
     }
 

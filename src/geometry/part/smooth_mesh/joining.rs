@@ -273,6 +273,7 @@ impl SmoothMesh {
             slope_doubts: Vec::new(),
             rounding: rounding::deviation(mesh.positions()),
             creases: Vec::new(),
+            cones: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals(fork);
         let rounds = cylinders::settle(&mut smooth, mesh.positions(), &mut estimated, &mut deviations, fork);
@@ -292,7 +293,8 @@ impl SmoothMesh {
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         smooth.replace_slope_doubts(of_strips);
-        let of_cones = rounds.doubts_of_cones(&smooth);
+        smooth.cones = rounds.cones(&smooth);
+        let of_cones = smooth.cones.iter().map(|&(triangle, _)| (triangle as usize, 0.0)).collect();
         smooth.replace_slope_doubts(of_cones);
         of_turned.add_doubts(&mut smooth.slope_doubts, smooth.triangles.len());
         smooth.doubt_flat_shading(mesh);
@@ -366,6 +368,7 @@ impl SmoothMesh {
             slope_doubts: Vec::new(),
             rounding: 0.0,
             creases: Vec::new(),
+            cones: Vec::new(),
         }
     }
 

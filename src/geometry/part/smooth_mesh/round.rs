@@ -86,22 +86,23 @@ impl Round {
         Some(Cone { apex, axis: into, half_angle: mean.dot(&into).abs().min(1.0).asin() })
     }
 
-    /// The cone on which the points are, within `near`, mm, found from `start`; beyond its apex, where it has normals.
+    /// The cone on which the points are, within `near`, mm, found from `start`; at its apex, or beyond it, where it has normals.
     pub(super) fn cone(start: Cone, points: &[Point3<f64>], near: f64) -> Option<Self> {
-        let found = fitted_cone(points, start);
+        let found = fitted_cone(points, start, near);
         let is_on = |point: &Point3<f64>| {
             let (along, radial) = found.split(point);
-            along > 0.0 && radial.norm() > near && found.distance(point).abs() <= near
+            (point - found.apex).norm() <= near
+                || along > 0.0 && radial.norm() > near && found.distance(point).abs() <= near
         };
         let is_round = found.half_angle > 0.0 && found.half_angle < std::f64::consts::FRAC_PI_2;
         (is_round && points.iter().all(is_on)).then_some(Self::Cone(found))
     }
 
-    /// The nearest to the points from this one on.
-    pub(super) fn fitted(&self, points: &[Point3<f64>]) -> Self {
+    /// The nearest to the points, which may be off by `near`, mm, from this one on.
+    pub(super) fn fitted(&self, points: &[Point3<f64>], near: f64) -> Self {
         match self {
             Self::Cylinder(start) => Self::Cylinder(fitted_cylinder(shape_fit::MAX_STEPS, points, *start)),
-            Self::Cone(start) => Self::Cone(fitted_cone(points, *start)),
+            Self::Cone(start) => Self::Cone(fitted_cone(points, *start, near)),
         }
     }
 
@@ -117,6 +118,14 @@ impl Round {
         match self {
             Self::Cylinder(cylinder) => cylinder.distance(at),
             Self::Cone(cone) => cone.distance(at),
+        }
+    }
+
+    /// Whether a point is at the apex of a cone, within `near`, mm.
+    pub(super) fn is_at_apex(&self, at: &Point3<f64>, near: f64) -> bool {
+        match self {
+            Self::Cylinder(_) => false,
+            Self::Cone(cone) => (at - cone.apex).norm() <= near,
         }
     }
 
@@ -235,8 +244,32 @@ fn fitted_cylinder(steps: usize, points: &[Point3<f64>], start: Cylinder) -> Cyl
     shape_fit::fitted(steps, points, start, Cylinder::distances_and_derivatives, Cylinder::moved)
 }
 
-fn fitted_cone(points: &[Point3<f64>], start: Cone) -> Cone {
-    shape_fit::fitted(shape_fit::MAX_STEPS, points, start, Cone::distances_and_derivatives, Cone::moved)
+/// The cone nearest to the points, which may be off by `near`, mm, from one that is close to them. A point at its apex, from which
+/// distances have no derivatives, stays there.
+fn fitted_cone(points: &[Point3<f64>], start: Cone, near: f64) -> Cone {
+    let is_at_apex = |point: &&Point3<f64>| (*point - start.apex).norm() <= near;
+    let Some(&apex) = points.iter().find(is_at_apex) else {
+        return shape_fit::fitted(
+            shape_fit::MAX_STEPS,
+            points,
+            start,
+            Cone::distances_and_derivatives,
+            Cone::moved,
+        );
+    };
+    let others: Vec<Point3<f64>> = points.iter().filter(|point| !is_at_apex(point)).copied().collect();
+    let distances_from = |cone: Cone| {
+        let distance_of = cone.distances_and_derivatives();
+        move |point: &Point3<f64>| {
+            let (distance, [_, _, _, turn, other_turn, angle]) = distance_of(point);
+            (distance, [turn, other_turn, angle])
+        }
+    };
+    let moved = |cone: &Cone, &[turn, other_turn, angle]: &[f64; 3]| {
+        cone.moved(&[0.0, 0.0, 0.0, turn, other_turn, angle])
+    };
+    let start = Cone { apex, ..start };
+    shape_fit::fitted(shape_fit::MAX_STEPS, &others, start, distances_from, moved)
 }
 
 /// The cylinder about a direction whose circle is nearest to the points (Kåsa, A circle fitting procedure and its error analysis,
