@@ -280,23 +280,29 @@ fn coarse_prisms_are_sampled_as_cylinders() {
     }
 }
 
-/// A prism about the y axis with chamfered edges, 80 mm long.
+/// A prism about the y axis with chamfered edges, 80 mm long, or a pyramid.
 struct ChamferedPrism {
     sides: u32,
     /// From the axis to a side, mm.
     apothem: f64,
     /// What the chamfers leave of the sides, rad round the axis.
     side: f64,
+    /// By how much larger its section is at the end than in the middle, as a share.
+    taper: f64,
 }
 
 impl ChamferedPrism {
     /// One whose chamfers take this share of each side.
-    fn new(sides: u32, apothem: f64, chamfered: f64) -> Self {
+    fn new(sides: u32, apothem: f64, chamfered: f64, taper: f64) -> Self {
         let half = (PI / f64::from(sides)).tan() * (1.0 - chamfered);
-        Self { sides, apothem, side: 2.0 * half.atan() }
+        Self { sides, apothem, side: 2.0 * half.atan(), taper }
     }
 
-    /// Of its edges, mm.
+    fn scale(&self, y: f64) -> f64 {
+        1.0 + self.taper * y / 40.0
+    }
+
+    /// Of its edges in the middle, mm.
     fn radius(&self) -> f64 {
         self.apothem / (self.side / 2.0).cos()
     }
@@ -308,7 +314,12 @@ impl ChamferedPrism {
         (0..self.sides).flat_map(ends).collect()
     }
 
-    fn height(&self, x: f64) -> f64 {
+    fn height(&self, x: f64, y: f64) -> f64 {
+        let scale = self.scale(y);
+        scale * self.height_of_section(x / scale)
+    }
+
+    fn height_of_section(&self, x: f64) -> f64 {
         let (angles, radius) = (self.angles(), self.radius());
         let heights = (0..angles.len()).filter_map(|index| {
             let (from, to) = (angles[index], angles[(index + 1) % angles.len()]);
@@ -325,6 +336,7 @@ impl ChamferedPrism {
         let count = angles.len() as u32;
         let ring = |row: u32| {
             let y = 80.0 * f64::from(row) / f64::from(rows) - 40.0;
+            let radius = radius * self.scale(y);
             angles.iter().map(move |angle| Point3::new(radius * angle.sin(), y, radius * angle.cos()))
         };
         let mut points: Vec<Point3<f64>> = (0..=rows).flat_map(ring).collect();
@@ -347,22 +359,21 @@ impl ChamferedPrism {
     }
 }
 
-/// The vertices of a prism with chamfered edges are on a cylinder, as those of a round bar are.
+/// The vertices of a prism with chamfered edges are on a cylinder, as those of a round bar are; those of a pyramid are on a cone.
 #[test]
 fn sides_of_prisms_with_chamfered_edges_are_flat() {
     let mut failures = Vec::new();
-    for sides in [5, 6, 8, 10] {
-        for chamfered in [0.2, 0.35, 0.65, 0.8] {
-            let prism = ChamferedPrism::new(sides, 20.0, chamfered);
-            for rows in [1, 3] {
-                // What is steeper than 60° is not looked at.
-                let seen = |x: f64, y: f64| (x.abs() < 16.0 && y.abs() < 39.0).then(|| prism.height(x));
-                let (miss, place) = largest_miss(&sampled(&prism.mesh(rows)), seen);
-                if !(miss < 0.01) {
-                    failures.push(format!(
-                        "{sides} sides, {chamfered} chamfered, {rows} rows: {miss} at {place:?}"
-                    ));
-                }
+    for (sides, chamfered) in
+        [5, 6, 8, 10].into_iter().flat_map(|sides| [0.2, 0.35, 0.65, 0.8].map(|share| (sides, share)))
+    {
+        for (taper, rows) in [(0.0, 1), (0.0, 3), (0.05, 1), (0.15, 3)] {
+            let prism = ChamferedPrism::new(sides, 20.0, chamfered, taper);
+            // What is steeper than 60° is not looked at.
+            let seen = |x: f64, y: f64| (x.abs() < 13.0 && y.abs() < 39.0).then(|| prism.height(x, y));
+            let (miss, place) = largest_miss(&sampled(&prism.mesh(rows)), seen);
+            if !(miss < 0.01) {
+                let name = format!("{sides} sides, {chamfered} chamfered, taper {taper}, {rows} rows");
+                failures.push(format!("{name}: {miss} at {place:?}"));
             }
         }
     }
@@ -382,7 +393,7 @@ fn results_on_prisms_with_chamfered_edges_are_upper_estimates() {
         (12, 0.2, false),
         (16, 0.1, false),
     ] {
-        let prism = ChamferedPrism::new(sides, 40.0, chamfered);
+        let prism = ChamferedPrism::new(sides, 40.0, chamfered, 0.0);
         let surface =
             FittedSurface::of_part(&FacingPart::new(&prism.mesh(1), &View::top()), &FitOptions::default());
         let surface = surface.unwrap();
@@ -394,7 +405,7 @@ fn results_on_prisms_with_chamfered_edges_are_upper_estimates() {
                 ));
             }
         };
-        check("flat", &|x| prism.height(x));
+        check("flat", &|x| prism.height(x, 0.0));
         if may_be_round {
             check("round", &|x| (prism.radius().powi(2) - x * x).sqrt());
         }

@@ -44,8 +44,9 @@ const EQUAL: f64 = 1.05;
 const STRIP: f64 = 0.75;
 /// The sides of a prism are at least so many times as wide as the chamfers of its edges.
 const CHAMFERED: f64 = 1.25;
-/// All sides of a prism are equally wide, its chamfers too, and all its edges turn alike: to within this factor.
-const REGULAR: f64 = 1.05;
+/// All sides of a prism are equally wide, its chamfers too, and all its edges turn alike: to within this factor in a section across an edge,
+/// to which the other edges of a pyramid are oblique.
+const REGULAR: f64 = 1.1;
 /// A turn by less than this, rad, may be rounding in any file.
 const LEAST_CORNER: f64 = 2e-3;
 /// A smooth curve turns to and fro at the ends of a straight row of facets by less than this, rad: its two arcs would have a chord
@@ -428,26 +429,23 @@ impl Steps<'_> {
     }
 }
 
-/// Whether a step that `turned`, rad, is an edge of a regular prism with few sides and chamfered edges: wide and narrow rows of facets take
-/// turns `beside` it.
+/// Whether a step that `turned`, rad, is an edge of a regular prism or pyramid with few sides and chamfered edges: wide and narrow facets
+/// take turns `beside` it.
 fn is_of_chamfered_prism(turned: f64, beside: &[Beside; 2]) -> bool {
     let is_like = |one: f64, other: f64| one < REGULAR * other && other < REGULAR * one;
     let [one, other] = beside;
     let lengths = [one.lengths, other.lengths];
     let wider = (lengths[0][0] / lengths[1][0]).max(lengths[1][0] / lengths[0][0]);
     let turns_on = |side: usize| {
-        let Beside { turns, count, are_rows, .. } = &beside[side];
+        let Beside { turns, count, .. } = &beside[side];
         // The section runs away from the step on both sides.
         let ahead = if side == 0 { -turned } else { turned };
         let is_next = |turn: f64| turn * ahead > 0.0 && is_like(turn.abs(), turned.abs());
-        *count > 1 && are_rows[0] && is_next(turns[0]) && is_like(lengths[side][1], lengths[1 - side][0])
+        *count > 1 && is_next(turns[0]) && is_like(lengths[side][1], lengths[1 - side][0])
     };
     let goes_on = |side: usize| {
-        let Beside { turns, count, are_rows, .. } = &beside[side];
-        *count > 2
-            && are_rows[1]
-            && is_like(turns[1].abs(), turned.abs())
-            && is_like(lengths[side][2], lengths[side][0])
+        let Beside { turns, count, .. } = &beside[side];
+        *count > 2 && is_like(turns[1].abs(), turned.abs()) && is_like(lengths[side][2], lengths[side][0])
     };
     wider >= CHAMFERED && turns_on(0) && turns_on(1) && (goes_on(0) || goes_on(1))
 }
