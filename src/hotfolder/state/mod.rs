@@ -17,5 +17,7 @@ pub(crate) use journal::{
 pub(crate) use lock::HotLock;
 pub use lock::StationLock;
 pub use requests::Request;
-pub(crate) use shares::{Shares, known_shares_are_there};
+pub(crate) use shares::Shares;
+#[cfg(feature = "cli")]
+pub(crate) use shares::known_shares_are_there;
 pub(crate) use status::{StatusBoard, UncertainDrawing, UnderWay};

@@ -55,6 +55,7 @@ impl Seen {
 ///
 /// # Errors
 /// With the share or disk that is not mounted.
+#[cfg(feature = "cli")]
 pub(crate) fn known_shares_are_there(folders: &FolderPaths, with_cache: bool) -> Result<(), Reason> {
     let shares = Shares::open(&folders.state);
     let cache = with_cache.then_some(("cache", &folders.cache));
