@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::named_files::{cache_of, shares_are_there, station};
+use super::named_files::{cache_of, share_is_there, station};
 use super::options::parse_sku;
 use super::outcome::{Failure, Outcome, print, shown, tell};
 use crate::cache::{Cache, CacheEntry, EntryState};
+use crate::hotfolder::UsedFolder;
 use crate::printable::on_one_line;
 use crate::reason::Reason;
 
@@ -43,8 +44,8 @@ enum Verb {
 
 pub(super) fn run(arguments: &CacheArguments) -> Outcome {
     let station = station(arguments.station.as_deref())?;
-    if let Some(station) = &station {
-        shares_are_there(station, arguments.cache.as_deref())?;
+    if let Some(station) = station.as_ref().filter(|_| arguments.cache.is_none()) {
+        share_is_there(station, UsedFolder::Cache)?;
     }
     let cache = cache_of(arguments.cache.as_deref(), station.as_ref())?;
     match &arguments.verb {

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fs_err as fs;
 
-use super::named_files::shares_are_there;
+use super::named_files::share_is_there;
 use super::outcome::{Exit, Failure, Outcome, print, shown};
 use super::set::SetArguments;
 use super::shell;
 use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
 use crate::files::{temporary, write_whole};
-use crate::hotfolder;
+use crate::hotfolder::{self, UsedFolder};
 use crate::pipeline::{check_fixed_codes, misspelt_fields};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
@@ -40,7 +40,8 @@ const FILES: &[(&str, &[u8])] = &[
 
 pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     let station = Station::load_with(&arguments.station, &arguments.set.of_station()?)?;
-    shares_are_there(&station, None)?;
+    share_is_there(&station, UsedFolder::Skus)?;
+    share_is_there(&station, UsedFolder::Cache)?;
     let (mut mistakes, mut checked) = (Vec::new(), BTreeMap::new());
     for path in sku_files(&station.folders.skus)? {
         match check_sku_file(&station, &path) {

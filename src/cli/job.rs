@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::content::ContentArguments;
-use super::named_files::{cache_of, known_cache, name_of, read_file, read_part, shares_are_there};
+use super::named_files::{cache_of, known_cache, name_of, read_file, read_part, share_is_there};
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
 use super::progress::ProgressLine;
 use super::set::{SetArguments, add_list, add_options, refuse_options_of_other_formats};
 use crate::config::{JobSettings, LiveSettings, Overrides, PartShape, Sku, Verify};
 use crate::formats::mesh::MeshFormat;
+use crate::hotfolder::UsedFolder;
 use crate::pipeline::{LearnedPart, Pipeline};
 use crate::reason::Reason;
 
@@ -128,7 +129,10 @@ impl JobArguments {
         let mut live = live.transpose()?.map(LiveSettings::at_once);
         let (settings, verify) = match &mut live {
             Some(live) => {
-                shares_are_there(live.station(), self.cache.as_deref())?;
+                share_is_there(live.station(), UsedFolder::Skus)?;
+                if self.cache.is_none() {
+                    share_is_there(live.station(), UsedFolder::Cache)?;
+                }
                 // A station that was never started has no folder for its SKUs yet.
                 let settings = match live.station().folders.skus.exists() {
                     true => live.job(&sku)?,

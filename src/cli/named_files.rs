@@ -7,7 +7,7 @@ use super::outcome::{Exit, Failure, Outcome, tell};
 use crate::cache::Cache;
 use crate::config::Station;
 use crate::formats::mesh::PartFile;
-use crate::hotfolder::known_shares_are_there;
+use crate::hotfolder::{UsedFolder, known_share_is_there};
 use crate::reason::Reason;
 
 /// The content of a file that the user named.
@@ -118,11 +118,10 @@ pub(super) fn station(file: Option<&Path>) -> Result<Option<Station>, Failure> {
     Ok(file.map(Station::load).transpose()?)
 }
 
-/// Checks that the station's folder of SKU files, and its cache unless another is `named`, is not the empty mount point of a share
-/// that the station uses: there, SKUs and surfaces would seem to be removed.
-pub(super) fn shares_are_there(station: &Station, named: Option<&Path>) -> Outcome {
-    known_shares_are_there(&station.folders, named.is_none())
-        .map_err(|missing| Failure::new(Exit::Environment, missing))
+/// Checks that a folder of the station is not the empty mount point of a share that the station uses: there, SKUs and surfaces would
+/// seem to be removed.
+pub(super) fn share_is_there(station: &Station, used: UsedFolder) -> Outcome {
+    known_share_is_there(&station.folders, used).map_err(|missing| Failure::new(Exit::Environment, missing))
 }
 
 /// The cache to use: the named folder, else the station's, else the user's own.

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector2};
 use serde::Serialize;
 
 use super::calibrate::{Measured, parse_reading};
-use super::named_files::{apart, name_of, read_file, read_part, shares_are_there, write_file};
+use super::named_files::{apart, name_of, read_file, read_part, share_is_there, write_file};
 use super::options::parse_sku;
 use super::outcome::{Failure, Outcome, print, print_json, shown};
 use super::set::SetArguments;
@@ -25,6 +25,7 @@ use crate::geometry::optics::registration::{
 use crate::geometry::pattern::{Color, Layer};
 use crate::geometry::silhouette::silhouette;
 use crate::geometry::space::{Extents, FieldPoint, ViewPoint};
+use crate::hotfolder::UsedFolder;
 use crate::pipeline::learning::unknown_part_format;
 use crate::pipeline::{profile, program};
 use crate::printable::on_one_line;
@@ -127,8 +128,10 @@ struct MaybeMeasured {
 
 pub(super) fn run(arguments: &RegisterArguments) -> Outcome {
     let mut live = LiveSettings::open_with(&arguments.station, arguments.set.of_station()?)?.at_once();
-    shares_are_there(live.station(), None)?;
     let sku = arguments.sku.as_deref().map(parse_sku).transpose()?;
+    if sku.is_some() {
+        share_is_there(live.station(), UsedFolder::Skus)?;
+    }
     let mut settings = match &sku {
         // A station that was never started has no folder for its SKUs yet.
         Some(sku) if live.station().folders.skus.exists() => live.job(sku)?,

@@ -159,9 +159,9 @@ pub use pipeline_corrector::PipelineCorrector;
 pub(crate) use seen::folders::is_still_at;
 pub use seen::names::{self, CURRENT_PART};
 pub use seen::{StopSignal, settle};
-#[cfg(feature = "cli")]
-pub(crate) use state::known_shares_are_there;
 pub use state::{Holder, Request, StationLock, status};
+#[cfg(feature = "cli")]
+pub(crate) use state::{UsedFolder, known_share_is_there};
 
 #[cfg(test)]
 mod tests {

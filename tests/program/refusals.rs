@@ -731,7 +731,11 @@ fn a_station_whose_share_is_not_mounted() {
             &[&format!("The {purpose} folder"), "not mounted", "what to do: Mount it", "shares.json"],
         );
     }
-    // Another cache needs no share.
+    // A command needs the folders that it uses, and no other.
+    seen_on_a_share("skus");
+    let listed = desk.isomark(&["cache", "--station", "station.toml", "list"]);
+    assert_eq!(listed.code, 0, "{}", listed.err);
+    seen_on_a_share("cache");
     let listed = desk.isomark(&["cache", "--station", "station.toml", "--cache", "mine", "list"]);
     assert_eq!(listed.code, 0, "{}", listed.err);
 }

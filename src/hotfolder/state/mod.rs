@@ -19,5 +19,5 @@ pub use lock::StationLock;
 pub use requests::Request;
 pub(crate) use shares::Shares;
 #[cfg(feature = "cli")]
-pub(crate) use shares::known_shares_are_there;
+pub(crate) use shares::{UsedFolder, known_share_is_there};
 pub(crate) use status::{StatusBoard, UncertainDrawing, UnderWay};

@@ -50,21 +50,29 @@ impl Seen {
     }
 }
 
-/// Checks that the folder of the SKU files, and `with_cache` that of the surfaces, is on the mount point on which the station saw
-/// it last, for a command that uses it without being the station; remembers nothing.
+/// A folder that commands use without being the station.
+#[cfg(feature = "cli")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum UsedFolder {
+    /// That of the SKU files.
+    Skus,
+    /// That of the fitted surfaces.
+    Cache,
+}
+
+/// Checks that a folder is on the mount point on which the station saw it last; remembers nothing.
 ///
 /// # Errors
 /// With the share or disk that is not mounted.
 #[cfg(feature = "cli")]
-pub(crate) fn known_shares_are_there(folders: &FolderPaths, with_cache: bool) -> Result<(), Reason> {
-    let shares = Shares::open(&folders.state);
-    let cache = with_cache.then_some(("cache", &folders.cache));
-    for (purpose, folder) in [("skus", &folders.skus)].into_iter().chain(cache) {
-        if let Some(missing) = Seen::now(folder).and_then(|now| shares.missing(purpose, &now)) {
-            return Err(missing);
-        }
-    }
-    Ok(())
+pub(crate) fn known_share_is_there(folders: &FolderPaths, used: UsedFolder) -> Result<(), Reason> {
+    let (purpose, folder) = match used {
+        UsedFolder::Skus => ("skus", &folders.skus),
+        UsedFolder::Cache => ("cache", &folders.cache),
+    };
+    let now = Seen::now(folder);
+    let missing = now.and_then(|now| Shares::open(&folders.state).missing(purpose, &now));
+    missing.map_or(Ok(()), Err)
 }
 
 impl Shares {
