@@ -429,10 +429,14 @@ impl Steps<'_> {
     }
 }
 
+/// Whether two turns, or two widths, may be the same on a regular prism or pyramid.
+pub(super) fn are_of_regular_prism(one: f64, other: f64) -> bool {
+    one < REGULAR * other && other < REGULAR * one
+}
+
 /// Whether a step that `turned`, rad, is an edge of a regular prism or pyramid with few sides and chamfered edges: wide and narrow facets
 /// take turns `beside` it.
 fn is_of_chamfered_prism(turned: f64, beside: &[Beside; 2]) -> bool {
-    let is_like = |one: f64, other: f64| one < REGULAR * other && other < REGULAR * one;
     let [one, other] = beside;
     let lengths = [one.lengths, other.lengths];
     let wider = (lengths[0][0] / lengths[1][0]).max(lengths[1][0] / lengths[0][0]);
@@ -440,12 +444,14 @@ fn is_of_chamfered_prism(turned: f64, beside: &[Beside; 2]) -> bool {
         let Beside { turns, count, .. } = &beside[side];
         // The section runs away from the step on both sides.
         let ahead = if side == 0 { -turned } else { turned };
-        let is_next = |turn: f64| turn * ahead > 0.0 && is_like(turn.abs(), turned.abs());
-        *count > 1 && is_next(turns[0]) && is_like(lengths[side][1], lengths[1 - side][0])
+        let is_next = |turn: f64| turn * ahead > 0.0 && are_of_regular_prism(turn.abs(), turned.abs());
+        *count > 1 && is_next(turns[0]) && are_of_regular_prism(lengths[side][1], lengths[1 - side][0])
     };
     let goes_on = |side: usize| {
         let Beside { turns, count, .. } = &beside[side];
-        *count > 2 && is_like(turns[1].abs(), turned.abs()) && is_like(lengths[side][2], lengths[side][0])
+        *count > 2
+            && are_of_regular_prism(turns[1].abs(), turned.abs())
+            && are_of_regular_prism(lengths[side][2], lengths[side][0])
     };
     wider >= CHAMFERED && turns_on(0) && turns_on(1) && (goes_on(0) || goes_on(1))
 }

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use super::creases::Facing;
+use super::creases::{Facing, are_of_regular_prism};
 use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal};
 use crate::geometry::flats::CHORD_OF_ROUND;
@@ -15,8 +15,6 @@ use crate::geometry::flats::CHORD_OF_ROUND;
 const MOST_TURN: f64 = 0.5;
 /// Two chords are of one arc, or of one smooth curve, where their lengths differ by at most this factor.
 const OF_ONE_CURVE: f64 = 1.6;
-/// Two edges turn by the same angle if one turns by at most so many times the other.
-const LIKE: f64 = 1.05;
 /// Sides whose direction differs more than this from that of an edge, as a cosine, run across it.
 const ACROSS: f64 = 0.3;
 /// Pieces of a section that turn by less than this are in one plane, rad.
@@ -115,9 +113,9 @@ fn of_round_prism(turned: f64, beside: &[Beside; 2]) -> impl Iterator<Item = (&[
     let [one, other] = beside.each_ref().map(|beside| beside.length);
     let turns_on = |way: usize| {
         let ahead = if way == 0 { -turned } else { turned };
-        beside[way].turn.is_some_and(|turn| {
-            turn * ahead > 0.0 && turn.abs() <= LIKE * turned.abs() && turned.abs() <= LIKE * turn.abs()
-        })
+        beside[way]
+            .turn
+            .is_some_and(|turn| turn * ahead > 0.0 && are_of_regular_prism(turn.abs(), turned.abs()))
     };
     // Each turns by its share.
     let arc = move |length: f64| 2.0 * turned.abs() * length / (one + other);
