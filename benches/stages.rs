@@ -11,7 +11,6 @@ use isomark::formats::mesh::{self, MeshFormat, MeshOptions, PartFile};
 use isomark::formats::pattern::{self, DxfProfile, PatternOptions};
 use isomark::geometry::correction::{Projection, Subdivision};
 use isomark::geometry::height_field::{FacingPart, Grid};
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 use isomark::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
@@ -132,7 +131,7 @@ fn bend_and_write(bencher: Bencher) {
 fn measure(bencher: Bencher) {
     let (surface, pattern) = (surface(), letters());
     let map = map(&surface, &pattern, IsometricOptions::INK);
-    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&pattern, |_| true);
     bencher.bench(|| {
         quality::measure(black_box(&ink), |at| map.point(at), |at: ViewPoint| surface.sampled_height(at))
     });

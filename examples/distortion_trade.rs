@@ -13,7 +13,7 @@ use isomark::formats::pattern::{PatternOptions, read};
 use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
-use isomark::geometry::mapping::quality::{self, PIECE, SQUARE};
+use isomark::geometry::mapping::quality;
 use isomark::geometry::mapping::{LengthTrueMap, Method};
 use isomark::geometry::pattern::{Affine, Pattern};
 use isomark::geometry::shapes;
@@ -113,7 +113,7 @@ impl Case {
         options: IsometricOptions,
     ) -> Result<Trade, Box<dyn Error>> {
         let map = LengthTrueMap::find(surface, placed, |_| true, self.place, &Method::Isometric(options))?;
-        let ink = Ink::sample(placed, |_| true, PIECE, SQUARE);
+        let ink = quality::sample(placed, |_| true);
         let squares = Ink { pieces: Vec::new(), ..ink.clone() };
         let measure = |ink: &Ink| {
             let height = |at: ViewPoint| Some((self.height)(at.x, at.y));

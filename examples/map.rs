@@ -6,7 +6,6 @@ use std::fs;
 
 use isomark::formats::pattern::{self, PatternOptions};
 use isomark::geometry::height_field::FacingPart;
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 use isomark::geometry::shapes;
@@ -18,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let surface = FittedSurface::of_part(&FacingPart::new(&ball, &View::top()), &FitOptions::default())?;
     let letters =
         pattern::read(&fs::read("examples/patterns/letters.dxf")?, &PatternOptions::default())?.pattern;
-    let ink = Ink::sample(&letters, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&letters, |_| true);
     for method in [Method::Plain, Method::Isometric(IsometricOptions::INK)] {
         let map = LengthTrueMap::find(&surface, &letters, |_| true, FlatPoint::new(0.0, 0.0), &method)?;
         println!(

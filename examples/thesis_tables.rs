@@ -105,7 +105,7 @@ impl Case {
         let drawing = read(include_bytes!("patterns/letters.dxf"), &PatternOptions::default())?.pattern;
         let middle = drawing.extents().center().into();
         let letters = drawing.transformed(&Affine::rigid(middle, 0.0, place));
-        let ink = Ink::sample(&letters, |_| true, quality::PIECE, quality::SQUARE);
+        let ink = quality::sample(&letters, |_| true);
         let surface = FittedSurface::of_field(shapes::standing(half, 0.5, height))?;
         Ok(Self { height, surface, letters, ink, place })
     }

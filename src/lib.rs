@@ -17,7 +17,7 @@
 //! | [`FacingPart::new`](geometry::height_field::FacingPart::new) | [`FacingPart`](geometry::height_field::FacingPart) | the mesh and the side that faces the laser |
 //! | [`FittedSurface::of_part`](geometry::surface::fit::FittedSurface::of_part) | [`HeightField`](geometry::height_field::HeightField), [`NurbsSurface`](geometry::surface::nurbs::NurbsSurface), [`Residual`](geometry::surface::fit::Residual) | the facing part |
 //! | [`formats::pattern::read`] | [`Pattern`](geometry::pattern::Pattern) | DXF, SVG or picture bytes |
-//! | [`Ink::sample`](geometry::ink::Ink::sample) | [`Ink`](geometry::ink::Ink) | the placed pattern |
+//! | [`quality::sample`](geometry::mapping::quality::sample) | [`Ink`](geometry::ink::Ink) | the placed pattern |
 //! | [`LengthTrueMap::find`](geometry::mapping::LengthTrueMap::find) | [`LengthTrueMap`](geometry::mapping::LengthTrueMap) | surface and placed pattern |
 //! | [`Projection::bend`](geometry::correction::Projection::bend) | [`MarkingDrawing`](geometry::marking::MarkingDrawing) | map, surface, fixture and lens |
 //! | [`fill`](geometry::fill::fill) | [`Filling`](geometry::fill::Filling) | closed contours, map, surface, fixture and lens |
@@ -62,7 +62,6 @@
 //!
 //! ```
 //! use isomark::geometry::height_field::FacingPart;
-//! use isomark::geometry::ink::Ink;
 //! use isomark::geometry::mapping::isometric::IsometricOptions;
 //! use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 //! use isomark::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
@@ -97,7 +96,7 @@
 //! assert!((end.x - 30.0 * 0.5f64.sin()).abs() < 1e-3 && end.y.abs() < 1e-3);
 //!
 //! // On the part, the line has the length that was drawn.
-//! let ink = Ink::sample(&drawing, |_| true, quality::PIECE, quality::SQUARE);
+//! let ink = quality::sample(&drawing, |_| true);
 //! let distortion = quality::measure(&ink, |at| map.point(at), |at| surface.sampled_height(at))
 //!     .map_err(|at| format!("no surface at {at:?}"))?;
 //! assert!((distortion.length - 30.0).abs() < 1e-9 && distortion.length_error < 2e-3);

@@ -4,7 +4,6 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
 use isomark::formats::pattern::{PatternOptions, read};
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::floater::{FloaterError, FloaterWeights};
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainError, MappingDomainOptions};
@@ -36,7 +35,7 @@ fn judged((height, half, at): (Height, [f64; 2], FlatPoint), method: Method) -> 
     let (surface, pattern) = (whole(height, half), letters(at));
     let map = LengthTrueMap::find(&surface, &pattern, |_| true, at, &method).unwrap();
     assert!((map.point(at) - at.coords().into()).norm() < 1e-6, "the anchor keeps its place");
-    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&pattern, |_| true);
     quality::measure(&ink, |at| map.point(at), |at| Some(height(at.x, at.y))).unwrap()
 }
 

@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
 use isomark::formats::pattern::{PatternOptions, read};
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};
@@ -63,7 +62,7 @@ fn judged(surface: &FittedSurface, height: fn(f64, f64) -> f64, at: [f64; 2]) ->
     let pattern = letters(anchor);
     let method = Method::Isometric(IsometricOptions::INK);
     let map = LengthTrueMap::find(surface, &pattern, |_| true, anchor, &method).unwrap();
-    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&pattern, |_| true);
     quality::measure(&ink, |at| map.point(at), |at: ViewPoint| Some(height(at.x, at.y))).unwrap()
 }
 

@@ -74,7 +74,7 @@ pub(super) fn as_marked<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<
 /// The ink of a placed drawing without the areas inside outlines that nothing fills.
 pub(super) fn marked_ink(placed: &Pattern, settings: &JobSettings) -> Ink {
     let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    Ink::sample_as_marked(&as_marked(placed, settings), is_ink, quality::PIECE, quality::SQUARE)
+    quality::sample_as_marked(&as_marked(placed, settings), is_ink)
 }
 
 /// Adds the lines of the fill to the corrected drawing, on their own layers after everything else. `turn` is the direction of the

@@ -85,7 +85,7 @@ impl Pipeline {
         placing.turn(turn);
         let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
         checks::reach(&placed, is_ink, &whole.kept).map_err(|reason| rejected(reason, &facts, &placed))?;
-        let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+        let ink = quality::sample(&placed, is_ink);
         let pattern = PlacedPattern { facts, placing, placed, ink };
         let map = find(&pattern)?;
         Ok((pattern, map))
@@ -139,7 +139,7 @@ impl Pipeline {
             rejected(checks::doubting_unit(reason, &facts))
         })?;
         self.check_pace((length / quality::PIECE) as usize * WORK_OF_PIECE, QUICK_WORK)?;
-        let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+        let ink = quality::sample(&placed, is_ink);
         checks::anything_inked(&ink, &placed, settings).map_err(rejected)?;
         let work = ink.pieces.len() * WORK_OF_PIECE + ink.squares.len();
         self.check_pace(work, QUICK_WORK)?;

@@ -200,7 +200,7 @@ fn recognised(
     ink: &Ink,
 ) -> Result<LengthTrueMap, Reason> {
     let find = |method: Method| LengthTrueMap::find(&part.surface, under, |_| true, place, &method);
-    let under_drawing = Ink::sample(under, |_| true, quality::PIECE, quality::SQUARE);
+    let under_drawing = quality::sample(under, |_| true);
     let no_map = |error| {
         let ink =
             if part.surface.field.is_surface(ViewPoint::from(place.coords())) { &under_drawing } else { ink };
@@ -241,7 +241,7 @@ fn aligned(pattern: PlacedPattern, map: &LengthTrueMap, settings: &JobSettings) 
     placing.turn(turn);
     let placed = placed.transformed(&Affine::rigid(placing.place, turn, placing.place));
     let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    let ink = Ink::sample(&placed, is_ink, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&placed, is_ink);
     PlacedPattern { facts, placing, placed, ink }
 }
 
@@ -609,7 +609,7 @@ impl TiledMark {
         let tile = |(number, (tile, on_part)): (usize, (&Tile, &[f64; 2]))| {
             let pattern = tile.pattern(placed);
             let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-            let ink = Ink::sample(&pattern, is_ink, quality::PIECE, quality::SQUARE);
+            let ink = quality::sample(&pattern, is_ink);
             let seen = projection.expose(&ink);
             let points = drawing.paths.iter().filter(|path| tile.has_layer(path.layer));
             let points = points.flat_map(|path| path.shape.points()).map(|point| point.coords());

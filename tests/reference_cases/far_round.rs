@@ -1,6 +1,5 @@
 //! Drawings that extend far round the part: up to slopes of 60°, and beyond the region that can be marked.
 
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricError;
 use isomark::geometry::mapping::{LengthTrueMap, MapError, Method, quality};
 use isomark::geometry::mesh::TriMesh;
@@ -135,7 +134,7 @@ fn a_drawing_beyond_the_horizon_is_rejected_with_the_place() {
             match found {
                 // If the search converges on the extrapolated surface beyond the rim, the measurement finds no part.
                 Ok(map) => {
-                    let ink = Ink::sample(&placed, |_| true, quality::PIECE, quality::SQUARE);
+                    let ink = quality::sample(&placed, |_| true);
                     let off = quality::measure(&ink, |at| map.point(at), |at| surface.sampled_height(at));
                     assert!(off.unwrap_err().coords().norm() > 20.0, "{}", case.name);
                 }

@@ -95,7 +95,7 @@ fn fitted(mesh: &TriMesh) -> FittedSurface {
 }
 
 fn fine_ink(placed: &Pattern) -> Ink {
-    Ink::sample(placed, |_| true, quality::PIECE, quality::SQUARE)
+    quality::sample(placed, |_| true)
 }
 
 struct Judged {
@@ -230,6 +230,25 @@ fn small_drawings_are_as_true_as_large_ones() {
         for side in [2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0] {
             let (small, found) = left(side);
             assert!(small < 1.2 * large, "{side} mm in {parts} parts: {small} instead of {large}, {found:?}");
+        }
+    }
+}
+
+/// Between the samples of a report, lines can be strained both ways; their sum must not hide it.
+#[test]
+fn small_drawings_are_reported_as_they_are_marked() {
+    let surface = SPHERE.surface(28.5);
+    for side in [1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0] {
+        for parts in [4, 12] {
+            let drawing = net(side, parts);
+            let found = SPHERE.judged(&surface, &drawing, &INK);
+            let closely = Ink::sample(&drawing, |_| true, side / 500.0, side / 500.0);
+            let marked = SPHERE.measure(&closely, |at| found.map.point(at));
+            let lowest = 0.99 * marked.length_error;
+            assert!(
+                found.length_error() > lowest,
+                "{side} mm in {parts} parts: {marked:?} is reported as {found:?}"
+            );
         }
     }
 }

@@ -6,7 +6,6 @@ use isomark::config::PartSettings;
 use isomark::formats::mesh::{self, LengthUnit, MeshFormat, MeshOptions, UpAxis};
 use isomark::formats::pattern::{PatternOptions, read};
 use isomark::geometry::height_field::FacingPart;
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};
@@ -167,7 +166,7 @@ pub(super) fn judged_if_on(
     let pattern = pattern.transformed(&Affine::rigid(pattern.extents().center().into(), 0.3, anchor));
     let method = Method::Isometric(IsometricOptions::INK);
     let map = LengthTrueMap::find(surface, &pattern, |_| true, anchor, &method).ok()?;
-    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&pattern, |_| true);
     let height_of = |at| surface.sampled_height(at);
     let reported =
         quality::measure_at_most(&ink, |at| map.point(at), height_of, |at| surface.uncertainty(at)).ok()?;

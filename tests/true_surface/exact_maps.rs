@@ -6,7 +6,6 @@ use std::path::Path as FilePath;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
 use isomark::geometry::height_field::FacingPart;
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 use isomark::geometry::mesh::TriMesh;
@@ -146,7 +145,7 @@ fn cones_are_recognised_however_near_they_come_to_a_point() {
                 let radius = 20.0 - (20.0 - tip) * at.x / 60.0;
                 Some((radius * radius - at.y * at.y).sqrt())
             };
-            let ink = Ink::sample(&drawing, |_| true, quality::PIECE, quality::SQUARE);
+            let ink = quality::sample(&drawing, |_| true);
             let figures = quality::measure(&ink, |at| map.point(at), exact).unwrap();
             assert!(figures.length_error < 0.002, "{name}: {} mm", figures.length_error);
         }
@@ -166,7 +165,7 @@ fn a_part_that_is_not_quite_a_cylinder_is_mapped_as_a_free_form() {
     let surface =
         FittedSurface::of_part(&FacingPart::new(&mesh, &View::top()), &FitOptions::default()).unwrap();
     let (drawing, middle) = (lines(FlatPoint::new(0.0, 0.0)), FlatPoint::new(0.0, 0.0));
-    let ink = Ink::sample(&drawing, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&drawing, |_| true);
     let found = |method: &Method| {
         let map = LengthTrueMap::find(&surface, &drawing, |_| true, middle, method).unwrap();
         let figures = quality::measure(&ink, |at| map.point(at), |at| Some(pressed(at.x, at.y))).unwrap();

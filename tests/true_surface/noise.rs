@@ -8,7 +8,6 @@ use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, NormalsChoice, NormalsUsed, PartReading, Shape, UpAxis,
 };
 use isomark::formats::pattern::{PatternOptions, read as read_pattern};
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};
@@ -85,7 +84,7 @@ fn judged(surface: &FittedSurface, height: Height) -> Distortion {
     let pattern = pattern.transformed(&Affine::rigid(pattern.extents().center().into(), 0.0, anchor));
     let method = Method::Isometric(IsometricOptions::INK);
     let map = LengthTrueMap::find(surface, &pattern, |_| true, anchor, &method).unwrap();
-    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&pattern, |_| true);
     quality::measure(&ink, |at| map.point(at), |at: ViewPoint| Some(height(at.x, at.y))).unwrap()
 }
 

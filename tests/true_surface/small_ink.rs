@@ -6,7 +6,6 @@ use std::fmt::Write as _;
 use isomark::formats::mesh::MeshFormat;
 use isomark::formats::pattern::{PatternOptions, read};
 use isomark::geometry::height_field::FacingPart;
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};
@@ -56,7 +55,7 @@ impl Part {
         let size = width / LETTERS;
         let small = Affine { linear: turned.linear * size, offset: turned.offset * size + at.coords() };
         let pattern = pattern.transformed(&small);
-        let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+        let ink = quality::sample(&pattern, |_| true);
         let judge = |method: Method| {
             let map = LengthTrueMap::find(&self.surface, &pattern, |_| true, at, &method).ok()?;
             let place = |at| map.point(at);

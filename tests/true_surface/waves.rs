@@ -4,7 +4,6 @@ use std::f64::consts::TAU;
 
 use isomark::formats::pattern::{PatternOptions, read};
 use isomark::geometry::height_field::FacingPart;
-use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};
@@ -38,7 +37,7 @@ fn judged(surface: &FittedSurface, height: impl Fn(f64, f64) -> f64) -> [Distort
     let pattern = pattern.transformed(&Affine::rigid(pattern.extents().center().into(), 0.0, anchor));
     let method = Method::Isometric(IsometricOptions::INK);
     let map = LengthTrueMap::find(surface, &pattern, |_| true, anchor, &method).unwrap();
-    let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+    let ink = quality::sample(&pattern, |_| true);
     let reported = quality::measure(&ink, |at| map.point(at), |at| surface.sampled_height(at)).unwrap();
     let truth = |at: ViewPoint| Some(height(at.x, at.y));
     [reported, quality::measure(&ink, |at| map.point(at), truth).unwrap()]

@@ -215,7 +215,7 @@ mod tests {
             let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
             for half in [12.9, 27.0] {
                 let pattern = Pattern::outline(half);
-                let ink = Ink::sample(&pattern, |_| true, quality::PIECE, quality::SQUARE);
+                let ink = quality::sample(&pattern, |_| true);
                 let method = Method::Isometric(IsometricOptions::INK);
                 let anchor = FlatPoint::new(0.0, 0.0);
                 let found = LengthTrueMap::find(&surface, &pattern, |_| true, anchor, &method);

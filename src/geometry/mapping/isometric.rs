@@ -140,6 +140,10 @@ const FINE: Fineness = Fineness { most_places: 3000, parts: 3 };
 
 /// Fewer samples are strained in less time than it takes to share them.
 const LEAST_SHARED: usize = 500;
+/// The usual lengths of samples are close enough for cells with sides of this length, mm.
+const USUAL_CELL: f64 = 1.0;
+/// Samples are not made closer if there would be more pieces.
+const MAX_CLOSE_PIECES: f64 = 1e5;
 
 /// How rounds of weighting ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -619,8 +623,18 @@ fn shorter(fraction: f64, expected: f64, excess: f64) -> f64 {
     lowest.clamp(fraction / 8.0, fraction * 0.75)
 }
 
+/// Samples of a drawing. Between samples, a map is free: in small drawings, whose maps have small cells, the samples are so close
+/// that each cell has several. `sample` takes the factor on the usual lengths of pieces and sides of squares.
+pub(super) fn several_in_cell(sample: impl Fn(f64) -> Ink) -> Ink {
+    let ink = sample(1.0);
+    let factor = least_cell(&ink.extents) / USUAL_CELL;
+    // Where lines are that dense, every cell has samples.
+    let factor = factor.max(ink.pieces.len() as f64 / MAX_CLOSE_PIECES);
+    if factor < 1.0 { sample(factor) } else { ink }
+}
+
 /// The side of the smallest cells of a map of a drawing, mm.
-pub(super) fn least_cell(extents: &Extents) -> f64 {
+fn least_cell(extents: &Extents) -> f64 {
     let (size, options) = (box_of(extents), &IsometricOptions::UNIFORM);
     options.cell.min((size.x * size.y / options.cells[0] as f64).sqrt())
 }

@@ -205,7 +205,7 @@ impl LengthTrueMap {
         if is_on_part(&ink, surface) {
             return Self::least_strained(surface, drawing, ink, anchor, options, fork);
         }
-        let marked = for_solver(|piece, square| Ink::sample_as_marked(drawing.0, drawing.1, piece, square));
+        let marked = coarse_ink_as_marked(drawing.0, drawing.1);
         let found = Self::least_strained(surface, drawing, ink.clone(), anchor, options, fork);
         let place = |at: FlatPoint| found.as_ref().map_or(at.coords().into(), |map| map.point(at));
         let (lines, open) = ink.without_open_areas(&marked, |at| surface.field.is_surface(place(at)));
@@ -292,7 +292,7 @@ impl LengthTrueMap {
         if options.are_outlines_areas {
             return Ok((solved(&ink, options)?, ink));
         }
-        let lines = for_solver(|piece, square| Ink::sample_as_marked(pattern, is_marked, piece, square));
+        let lines = coarse_ink_as_marked(pattern, is_marked);
         let of_lines = solved(&lines, options);
         let error = |map: &IsometricMap| map.left(Figure::Lengths, &surface.nurbs, &lines);
         if of_lines.as_ref().is_ok_and(|map| error(map) <= TRUE_LENGTHS) || lines == ink {
@@ -572,18 +572,17 @@ const GIVEN_AREAS: f64 = 0.01;
 /// reference cases to reach their expected values.
 const COARSE_PIECE: f64 = 2.0 * quality::PIECE;
 const COARSE_SQUARE: f64 = 2.0 * quality::SQUARE;
-/// The pieces of a line across a cell of a map, at least.
-const SAMPLES_IN_CELL: f64 = 2.0;
 
 /// Samples for the solver.
 fn coarse_ink(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
-    for_solver(|piece, square| Ink::sample(pattern, &is_marked, piece, square))
+    isometric::several_in_cell(|factor| {
+        Ink::sample(pattern, &is_marked, factor * COARSE_PIECE, factor * COARSE_SQUARE)
+    })
 }
 
-/// Samples of a drawing for the solver: in small drawings, whose maps have small cells, so close that a line has several in a cell.
-/// Between samples, the map is free.
-fn for_solver(sample: impl Fn(f64, f64) -> Ink) -> Ink {
-    let ink = sample(COARSE_PIECE, COARSE_SQUARE);
-    let closer = isometric::least_cell(&ink.extents) / (SAMPLES_IN_CELL * COARSE_PIECE);
-    if closer < 1.0 { sample(closer * COARSE_PIECE, closer * COARSE_SQUARE) } else { ink }
+/// The same without the areas inside outlines that nothing fills.
+fn coarse_ink_as_marked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
+    isometric::several_in_cell(|factor| {
+        Ink::sample_as_marked(pattern, &is_marked, factor * COARSE_PIECE, factor * COARSE_SQUARE)
+    })
 }

@@ -4,15 +4,17 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
+use super::isometric;
 use crate::geometry::height_field::Uncertainty;
 use crate::geometry::ink::{Block, Ink, Piece, is_before};
+use crate::geometry::pattern::Pattern;
 use crate::geometry::relief::{Cover, Relief, ReliefMap};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
 
-/// Maximum length of the pieces of lines for the quality results, mm.
+/// Maximum length of the pieces of lines for the quality results, mm; in small drawings they are shorter, see [`sample`].
 pub const PIECE: f64 = 0.25;
-/// Side of the squares of the inked area for the quality results, mm.
+/// Side of the squares of the inked area for the quality results, mm; in small drawings it is smaller.
 pub const SQUARE: f64 = 0.2;
 
 /// How many times the mean of a doubt its largest value is.
@@ -78,7 +80,20 @@ pub struct Uncertain {
     pub max_height: f64,
 }
 
-/// Measures a map on a part. `ink` should be sampled with [`PIECE`] and [`SQUARE`]; `height` returns the height of
+/// Samples the paths of a drawing on layers for which `is_marked` is true (given the layer's name) for the quality results, with
+/// [`PIECE`] and [`SQUARE`] or, in small drawings, as close as the cells of their map need it.
+pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
+    isometric::several_in_cell(|factor| Ink::sample(pattern, &is_marked, factor * PIECE, factor * SQUARE))
+}
+
+/// The same without the areas inside outlines that nothing fills: there, a laser marks only the lines.
+pub fn sample_as_marked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
+    isometric::several_in_cell(|factor| {
+        Ink::sample_as_marked(pattern, &is_marked, factor * PIECE, factor * SQUARE)
+    })
+}
+
+/// Measures a map on a part. `ink` should be from [`sample`]; `height` returns the height of
 /// the part itself (mm), not of a fit to it, and `None` outside the part. Without ink every value is 0.
 ///
 /// # Errors
