@@ -90,33 +90,41 @@ fn shafts_with_a_hole_or_a_boss_are_recognised_as_cylinders() {
     }
 }
 
-/// A solid cone about the x axis from a ring of 20 mm to one of `tip`, mm, 60 mm away, or to a point, as programs of solid geometry
+/// A solid about the x axis through rings, each at an x with a radius, mm, of which 0 is a point, as programs of solid geometry
 /// export it: each coordinate has six digits.
-fn cone(tip: f64, sectors: u32) -> TriMesh {
-    let ring = |radius: f64, x: f64, count: u32| {
-        (0..count).map(move |step| {
+fn turned(profile: &[[f64; 2]], sectors: u32) -> TriMesh {
+    let (mut positions, mut rings) = (Vec::new(), Vec::new());
+    for &[x, radius] in profile {
+        let first = positions.len() as u32;
+        let count = if radius > 0.0 { sectors } else { 1 };
+        rings.push(move |step: u32| first + step % count);
+        positions.extend((0..count).map(|step| {
             let angle = TAU * f64::from(step) / f64::from(sectors);
             let digits = |value: f64| format!("{value:.5e}").parse::<f64>().unwrap();
             Point3::new(x, digits(radius * angle.cos()), digits(radius * angle.sin()))
-        })
-    };
-    let tips = if tip > 0.0 { sectors } else { 1 };
-    let positions = ring(20.0, 0.0, sectors).chain(ring(tip, 60.0, tips)).collect();
+        }));
+    }
+    let ends = [rings[0], rings[rings.len() - 1]];
     let mut triangles = Vec::new();
     for step in 0..sectors {
-        let next = (step + 1) % sectors;
-        triangles.push([next, sectors + step % tips, step]);
-        if tip > 0.0 {
-            triangles.push([next, sectors + next, sectors + step]);
+        for pair in rings.windows(2) {
+            let [low, high] = [pair[0], pair[1]];
+            triangles.push([low(step + 1), high(step), low(step)]);
+            triangles.push([low(step + 1), high(step + 1), high(step)]);
         }
         if step > 1 {
-            triangles.push([0, step, step - 1]);
-            if tip > 0.0 {
-                triangles.push([sectors, sectors + step - 1, sectors + step]);
-            }
+            triangles.push([ends[0](0), ends[0](step), ends[0](step - 1)]);
+            triangles.push([ends[1](0), ends[1](step - 1), ends[1](step)]);
         }
     }
+    triangles.retain(|[a, b, c]| a != b && b != c && c != a);
     TriMesh::new(positions, Vec::new(), triangles).unwrap()
+}
+
+/// The rim of a tip with this radius, mm, has facets so narrow that six digits of the other ring do not show which of their sides is
+/// the longest.
+fn is_too_fine(tip: f64, sectors: u32) -> bool {
+    tip > 0.0 && TAU * tip / f64::from(sectors) < 1.5e-3
 }
 
 /// Near the tip, the facets are narrower than what shows a plane.
@@ -124,12 +132,12 @@ fn cone(tip: f64, sectors: u32) -> TriMesh {
 fn cones_are_recognised_however_near_they_come_to_a_point() {
     for tip in [0.0, 0.02, 0.05, 0.5, 2.0] {
         for sectors in [24, 33, 48, 64, 100] {
-            // Six digits of the other ring do not show which side of a facet of 1 µm is the longest.
-            if tip > 0.0 && TAU * tip / f64::from(sectors) < 1.5e-3 {
+            if is_too_fine(tip, sectors) {
                 continue;
             }
             let name = format!("{sectors} sectors to {tip} mm");
-            let facing = FacingPart::new(&cone(tip, sectors), &View::top());
+            let mesh = turned(&[[0.0, 20.0], [60.0, tip]], sectors);
+            let facing = FacingPart::new(&mesh, &View::top());
             let surface = FittedSurface::of_part(&facing, &FitOptions::default()).unwrap();
             let middle = FlatPoint::new(22.0, 0.0);
             let drawing = lines_of(20.0, 2.5, middle);
@@ -150,6 +158,45 @@ fn cones_are_recognised_however_near_they_come_to_a_point() {
             assert!(figures.length_error < 0.002, "{name}: {} mm", figures.length_error);
         }
     }
+}
+
+/// Bullets, pencils and bottles with a shoulder, with few facets round them: the edge between cylinder and cone turns by less than the
+/// angle at which facets meet on some smooth parts.
+#[test]
+fn cylinders_that_end_in_cones_are_recognised_beside_their_edge() {
+    let mut failures = Vec::new();
+    for [radius, body, shoulder] in
+        [[20.0, 30.0, 30.0], [20.0, 40.0, 50.0], [10.0, 60.0, 25.0], [4.0, 60.0, 15.0], [15.0, 20.0, 60.0]]
+    {
+        for tip in [0.0, 0.01, 0.1, 1.0] {
+            for sectors in [16, 24, 30, 36, 48, 64, 100] {
+                if is_too_fine(tip, sectors) {
+                    continue;
+                }
+                let mesh = turned(&[[0.0, radius], [body, radius], [body + shoulder, tip]], sectors);
+                let facing = FacingPart::new(&mesh, &View::top());
+                let surface = FittedSurface::of_part(&facing, &FitOptions::default()).unwrap();
+                let radius_at = |x: f64| radius - (radius - tip) * (x - body).max(0.0) / shoulder;
+                for x in [body / 2.0, body + shoulder / 3.0] {
+                    let middle = FlatPoint::new(x, 0.0);
+                    let drawing = lines_of(shoulder / 3.0, radius / 8.0, middle);
+                    let found = LengthTrueMap::find(&surface, &drawing, |_| true, middle, &AUTOMATIC);
+                    let left = found.as_ref().ok().filter(|map| map.fit_residual().is_some()).map(|map| {
+                        let exact = |at: ViewPoint| Some((radius_at(at.x).powi(2) - at.y * at.y).sqrt());
+                        let ink = quality::sample(&drawing, |_| true);
+                        quality::measure(&ink, |at| map.point(at), exact).unwrap().length_error
+                    });
+                    let slope = surface.uncertainty(middle.coords().into()).slope;
+                    if !(left.is_some_and(|left| left < 0.004) && slope < 0.001) {
+                        failures.push(format!(
+                            "{radius} x {body} + {shoulder} mm to {tip} mm, {sectors} sectors, at {x:.1}: {left:?}, {slope}"
+                        ));
+                    }
+                }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
 }
 
 /// The upper half of the cross section of a tube deformed by three rollers: r = 30 mm + 0.2 mm · cos 3θ.

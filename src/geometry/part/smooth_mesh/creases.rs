@@ -49,6 +49,8 @@ const CHAMFERED: f64 = 1.25;
 const REGULAR: f64 = 1.1;
 /// A turn by less than this, rad, may be rounding in any file.
 const LEAST_CORNER: f64 = 2e-3;
+/// Facets of a smooth curve turn by less than this, rad; they do not meet where a section through a vertex turns by more.
+const MOST_OF_CURVE: f64 = 60.0 * PI / 180.0;
 /// A smooth curve turns to and fro at the ends of a straight row of facets by less than this, rad: its two arcs would have a chord
 /// each, which leans by half of what the arc turns, 45° at most.
 const MOST_OF_SWAY: f64 = 22.5 * PI / 180.0;
@@ -184,14 +186,27 @@ impl Steps<'_> {
     /// For each step whether it stands out together with others that continue it: from edge to edge of the part, from a known
     /// edge straight on, or over a long way.
     fn chains(&self, measured: &[Option<Measured>], ends: &[(u32, u32)]) -> Vec<bool> {
-        let stands_out = |(number, step): (usize, &Option<Measured>)| {
-            step.as_ref().is_some_and(|step| {
+        let stands_out = |number: usize, is_alone: bool| {
+            measured[number].as_ref().is_some_and(|step| {
                 step.stands_out_alone()
-                    && !(step.is_alone && self.is_crossed(number, measured, ends))
+                    && step.is_alone == is_alone
                     && !(step.is_at_flat && self.is_bent(number, measured, ends))
             })
         };
-        let stands_out: Vec<bool> = measured.iter().enumerate().map(stands_out).collect();
+        let numbers = || 0..self.steps.len();
+        let in_company: Vec<bool> = numbers().map(|number| stands_out(number, false)).collect();
+        // At the tip of a cone, the sections through some steps of a rim end, and those through others go round the tip.
+        let is_between = |number: usize| {
+            let side = self.steps[number][0];
+            self.end_places(side).into_iter().all(|place| {
+                let mut others = at_place(ends, place).filter(|&other| other != number && in_company[other]);
+                others.any(|other| self.runs_on(place, side, self.steps[other][0]))
+            })
+        };
+        let alone = |number: usize| {
+            stands_out(number, true) && (!self.is_crossed(number, measured, ends) || is_between(number))
+        };
+        let stands_out: Vec<bool> = numbers().map(|number| in_company[number] || alone(number)).collect();
         let mut is_crease = vec![false; self.steps.len()];
         if !stands_out.contains(&true) {
             return is_crease;
@@ -243,14 +258,20 @@ impl Steps<'_> {
         is_crease
     }
 
-    /// Whether another step that turns by a notable share of one meets it at an end and does not continue it, as on a small cap.
+    /// Whether another step meets one at an end and does not continue it, as on a small cap: one that turns by a notable share of its
+    /// angle, and by which a smooth surface would bulge by a notable share.
     fn is_crossed(&self, number: usize, measured: &[Option<Measured>], ends: &[(u32, u32)]) -> bool {
         let side = self.steps[number][0];
-        let turn = |number: usize| measured[number].as_ref().map_or(0.0, |step| step.turn);
+        let of = |number: usize| {
+            measured[number].as_ref().map_or([0.0; 2], |step| [step.turn, step.turn * step.height])
+        };
+        let [turn, bulge] = of(number);
         self.end_places(side).into_iter().any(|place| {
             at_place(ends, place).any(|other| {
+                let [other_turn, other_bulge] = of(other);
                 other != number
-                    && STANDS_OUT * turn(other) > turn(number)
+                    && STANDS_OUT * other_turn > turn
+                    && STANDS_OUT * other_bulge > bulge
                     && !self.runs_on(place, side, self.steps[other][0])
             })
         })
@@ -394,9 +415,15 @@ impl Steps<'_> {
         let [from, to] = self.facets.ends(side as usize);
         let (mut edge, mut are_rows) = (to - from, [false; 2]);
         let mut last: Option<(usize, Vector3<f64>)> = None;
+        let mut ends = false;
         let goes_on = self.facets.section_from(side as usize, start, across, |triangle, piece| {
             let before = last.replace((triangle, piece));
             let turned = before.map_or(f64::INFINITY, |(_, last)| turn(last, piece, across));
+            // Across the tip of a cone, the section is that of another side.
+            ends = before.is_some() && turned.abs() > MOST_OF_CURVE;
+            if ends {
+                return false;
+            }
             if !(turned.abs() <= least) {
                 if count == lengths.len() {
                     return false;
@@ -418,7 +445,7 @@ impl Steps<'_> {
             true
         });
         let height = width(self.facets.corners(side as usize / 3), side as usize % 3);
-        Beside { lengths, turns, count, goes_on, height, are_rows }
+        Beside { lengths, turns, count, goes_on: goes_on && !ends, height, are_rows }
     }
 
     /// The side of one triangle that another one continues, mm.
