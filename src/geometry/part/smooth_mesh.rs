@@ -12,6 +12,7 @@ mod joining;
 mod long_sides;
 mod plane_curve;
 mod plane_facets;
+mod plane_polygons;
 mod rings;
 mod round;
 mod scatter;

@@ -58,7 +58,12 @@ const FARTHER: f64 = 2.0;
 
 /// How far the vertices of a mesh may be off, mm.
 pub(super) fn precision(mesh: &SmoothMesh) -> f64 {
-    let largest = mesh.positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
+    precision_of(&mesh.positions)
+}
+
+/// The same of vertices at `positions`.
+pub(super) fn precision_of(positions: &[Point3<f64>]) -> f64 {
+    let largest = positions.iter().map(|at| at.coords.amax()).fold(0.0, f64::max);
     ON.max(DIGITS * largest)
 }
 

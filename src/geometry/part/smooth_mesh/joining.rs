@@ -8,6 +8,7 @@ use super::cylinders;
 use super::ends::{self, precision};
 use super::hidden_arcs;
 use super::long_sides;
+use super::plane_polygons;
 use super::sections::Facets;
 use super::spheres;
 use super::strips;
@@ -115,6 +116,7 @@ impl SmoothMesh {
     /// of different radii meet, those that the arcs lead to (`arcs`); at right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
     /// in its fillet, those that the narrow ones lead to (`flats`). The sides of cylinders and extruded strips are estimated without what is
     /// beyond their ends (`cylinders`, `strips`, `plane_curve`, `free_outlines`); those of balls follow from all their vertices (`spheres`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    /// Where the file has no normals, they do not depend on how plane polygons were cut (`plane_polygons`).
     /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         Self::with_fork(mesh, view, &InTurn)
@@ -132,9 +134,13 @@ impl SmoothMesh {
     fn with_edges(mesh: &TriMesh, view: &View, known_edges: &[Facing], fork: &dyn Fork) -> Self {
         let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
         let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
-        let corners = mesh.triangles();
-        let places = places_of(corners, &positions);
+        let mut places = places_of(mesh.triangles(), &positions);
         let mut opposite = opposite_sides(&places);
+        let is_open =
+            |vertex: u32| given.get(vertex as usize).is_none_or(|normal| *normal == Vector3::zeros());
+        let (read, links) = (mesh.triangles(), (&mut places[..], &mut opposite[..]));
+        let divided = plane_polygons::divided_evenly(read, &positions, links, is_open, fork);
+        let corners = divided.as_deref().unwrap_or(read);
         let points = |triangle: usize| corners[triangle].map(|index| positions[index as usize]);
         let facet = |triangle: usize| {
             let Some(side) = sliver_side(points(triangle)) else { return facet_normal(points(triangle)) };
