@@ -21,6 +21,8 @@ const NEGLIGIBLE_BEND: f64 = 1e-3;
 /// A vertex is uneven if the width of one of its planes is this many times that of another; in files of rounded numbers, in the
 /// direction in which it turns to it.
 const UNEVEN: f64 = 2.5;
+/// Planes are about as wide as the widest one if that is less than so many times as wide.
+const LIKE: f64 = 1.5;
 /// Rounding turns a narrow plane by at most so many times its standard deviation over the width of the plane, rad.
 const BY_CHANCE: f64 = 10.0;
 /// Weight of the previous estimate relative to that of the nearest vertex.
@@ -128,6 +130,10 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
         if !planes.are_divided[widest] && (derived.is_none() || leaning.is_some()) {
             continue;
         }
+        // Of the two triangles of a bent quadrilateral, as in the flat side of a twisted prism, neither is the side.
+        if leaning.is_none() && estimated.straight[vertex] && span.has_like && !planes.are_divided[widest] {
+            continue;
+        }
         is_flat[widest] |= leaning.is_none();
         let normal = leaning.unwrap_or(flat);
         if is_open[vertex] {
@@ -224,6 +230,8 @@ struct Span {
     turn: f64,
     /// Whether another plane is much narrower, see [`UNEVEN`].
     is_uneven: bool,
+    /// Whether another plane is about as wide, see [`LIKE`].
+    has_like: bool,
 }
 
 /// The spans of the vertices of planes.
@@ -246,7 +254,14 @@ impl Spans {
         for (vertex, plane) in corners() {
             let width = planes.widths[plane as usize];
             if numbers[vertex] == 0 {
-                spans.push(Span { narrowest: width, width, widest: plane, turn: 0.0, is_uneven: false });
+                spans.push(Span {
+                    narrowest: width,
+                    width,
+                    widest: plane,
+                    turn: 0.0,
+                    is_uneven: false,
+                    has_like: false,
+                });
                 numbers[vertex] = spans.len() as u32;
                 continue;
             }
@@ -263,6 +278,7 @@ impl Spans {
             if plane != span.widest {
                 let angle = planes.normals[plane as usize].angle(&planes.normals[span.widest as usize]);
                 span.turn = span.turn.max(angle);
+                span.has_like |= span.width < LIKE * planes.widths[plane as usize];
                 // Without rounding, what is in one plane is one facet.
                 if mesh.rounding == 0.0 {
                     span.is_uneven = span.width > UNEVEN * span.narrowest;

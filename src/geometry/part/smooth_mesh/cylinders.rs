@@ -9,11 +9,11 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::SmoothMesh;
 use super::ends::{Straight, Surface, Surroundings, precision, rounding};
 use super::plane_facets::PlaneFacets;
 use super::round::{Plane, Round};
 use super::settling::Settling;
+use super::{MOST_BEND, SmoothMesh};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, sliver_side, width};
 use crate::geometry::cone::Cone;
 use crate::geometry::flats::{CHORD_OF_ROUND, MOST_IN_TURN};
@@ -75,6 +75,11 @@ const DEEPEST_CHORD: f64 = 2.0;
 const LEAN: f64 = 0.6;
 /// A triangle with less than this share of the area of the largest one in its plane may be of another surface.
 const SMALL: f64 = 0.01;
+/// A side of a twisted prism ends on helices, which are on a cylinder as well. It is told from facets of the cylinder by this share of
+/// its triangles that have no other one beside them round the axis, and by what follows: facets turn by less than this share of what
+/// those beside one of the cylinder do.
+const SIDE_BY_SIDE: f64 = 0.9;
+const CONTINUES_FLAT: f64 = 0.75;
 /// A triangle is that of the cylinder where its normals differ from the cylinder's by less than this, rad.
 const SAME_NORMAL: f64 = 1e-3;
 
@@ -251,7 +256,9 @@ fn certain_groups(
                     return None;
                 }
                 group.triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
-                surroundings.confirm(&OnMesh { mesh, group: &group }, &mut around).then_some(group)
+                let on_mesh = OnMesh { mesh, group: &group };
+                let is_certain = !on_mesh.is_twisted_side() && surroundings.confirm(&on_mesh, &mut around);
+                is_certain.then_some(group)
             });
             if let Some(group) = certain {
                 let on_mesh = OnMesh { mesh, group: &group };
@@ -285,6 +292,55 @@ impl SmoothMesh {
 struct OnMesh<'a> {
     mesh: &'a SmoothMesh,
     group: &'a Group,
+}
+
+impl OnMesh<'_> {
+    /// Whether the facets are a flat side that is twisted about the axis, and only its ends are on the group's cylinder or cone.
+    ///
+    /// No section across the axis shows more of it than one chord. Such a chord is a facet of the cylinder where it turns as little as
+    /// those of a tessellation do, and the facets beyond its ends do not continue it as a flat side.
+    fn is_twisted_side(&self) -> bool {
+        let Self { mesh, group: Group { round, triangles, near, .. } } = self;
+        let mut members = triangles.clone();
+        members.sort_unstable();
+        let around = |side: usize| {
+            let ends = mesh.ends(side);
+            if ends.iter().any(|end| round.is_at_apex(end, *near)) {
+                return 0.0;
+            }
+            let [one, other] = ends.map(|end| round.outward(&end));
+            one.angle(&other)
+        };
+        let (mut alone, mut whole, mut widths) = (0usize, 0.0, 0.0);
+        let (mut continued, mut turns, mut of_cylinder) = (0.0, 0.0, 0.0);
+        for &triangle in triangles {
+            let sides = [0, 1, 2].map(|side| (3 * triangle + side, around(3 * triangle + side)));
+            let by_angle = |one: &&(usize, f64), other: &&(usize, f64)| one.1.total_cmp(&other.1);
+            let (Some(&(side, _)), Some(&(_, width))) =
+                (sides.iter().min_by(by_angle), sides.iter().max_by(by_angle))
+            else {
+                continue;
+            };
+            let beyond = mesh.continued[side];
+            if beyond != NONE && members.binary_search(&(beyond as usize / 3)).is_ok() {
+                continue;
+            }
+            let [from, to] = mesh.ends(side);
+            let length = (to - from).norm();
+            alone += 1;
+            whole += length;
+            widths += length * width;
+            if beyond != NONE {
+                let [here, there] =
+                    [triangle, beyond as usize / 3].map(|triangle| facet_normal(mesh.corners(triangle).0));
+                continued += length;
+                turns += length * here.angle(&there);
+                of_cylinder += length * width / 2.0;
+            }
+        }
+        (alone as f64) >= SIDE_BY_SIDE * triangles.len() as f64
+            && (widths > MOST_BEND * whole || 2.0 * continued > whole && turns < CONTINUES_FLAT * of_cylinder)
+    }
 }
 
 impl Surface for OnMesh<'_> {
@@ -820,6 +876,73 @@ mod tests {
             }
             assert_eq!(found, 2 * steps, "R {radius}, fillet {fillet}");
         }
+    }
+
+    /// The largest angle between the normals in the middle of a mesh and those of a twisted prism, rad, and the number of these. The prism has
+    /// a square section with sides from corner to corner of so many mm, and fillets; it turns by `twist`, rad, over 80 mm, in rows. The
+    /// section of a `corner` of 0 mm is a circle.
+    fn lean_of_twisted(corner: f64, fillet: f64, chords: u32, twist: f64, rows: u32) -> (f64, usize) {
+        let (height, quarter) = (80.0, std::f64::consts::FRAC_PI_2);
+        let section = (0..4).flat_map(|side| {
+            let last = if corner > 0.0 { chords } else { chords - 1 };
+            (0..=last).map(move |step| {
+                let middle = quarter * (f64::from(side) + 0.5);
+                let out = quarter * (f64::from(side) + f64::from(step) / f64::from(chords));
+                let center =
+                    Vector3::new(middle.cos(), middle.sin(), 0.0) * (corner * std::f64::consts::SQRT_2);
+                let normal = Vector3::new(out.cos(), out.sin(), 0.0);
+                [center + normal * fillet, normal]
+            })
+        });
+        let section: Vec<_> = section.collect();
+        let count = section.len() as u32;
+        let exact = |row: u32, own: &[Vector3<f64>; 2]| {
+            let share = f64::from(row) / f64::from(rows);
+            let rotation = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), twist * share);
+            let [at, normal] = own.map(|vector| rotation * vector);
+            // Both the section and the line through a point of it are on the side.
+            let line = Vector3::z() * (height / twist) + Vector3::z().cross(&at);
+            (
+                Point3::from(at + Vector3::z() * (height * share)),
+                Vector3::z().cross(&normal).cross(&line).normalize(),
+            )
+        };
+        let vertices = (0..=rows).flat_map(|row| section.iter().map(move |own| exact(row, own)));
+        let (positions, normals): (Vec<_>, Vec<_>) = vertices.unzip();
+        let cells =
+            (0..rows).flat_map(|row| (0..count).map(move |step| (row * count, step, (step + 1) % count)));
+        let triangles = cells.flat_map(|(row, step, next)| {
+            let [a, b, c, d] = [row + step, row + next, row + count + next, row + count + step];
+            [[a, b, c], [a, c, d]]
+        });
+        let found = smooth(positions.clone(), triangles.collect());
+        let mut most = (0.0, 0);
+        for (at, normal) in found.positions.iter().zip(&found.normals) {
+            let is_inside = (0.25 * height..0.75 * height).contains(&at.z);
+            if let Some(index) = positions.iter().position(|own| is_inside && own == at) {
+                most = (f64::max(most.0, normal.angle(&normals[index])), most.1 + 1);
+            }
+        }
+        most
+    }
+
+    #[test]
+    fn a_twisted_flat_side_is_no_cylinder_although_its_ends_are_on_one() {
+        for (corner, fillet, chords, twist, rows) in [
+            (18.0, 4.0, 8, 60.0, 40),
+            (12.0, 10.0, 25, 60.0, 40),
+            (12.0, 10.0, 16, 60.0, 80),
+            (12.0, 10.0, 6, 30.0, 20),
+        ] {
+            let (lean, count) = lean_of_twisted(corner, fillet, chords, f64::to_radians(twist), rows);
+            let name = format!("{corner} mm, fillet of {fillet} mm, {twist} deg in {rows} rows");
+            assert!(
+                lean < 0.02 && count as u32 >= 4 * chords * (rows / 2 - 1),
+                "{name}: {lean} rad of {count}"
+            );
+        }
+        let (lean, count) = lean_of_twisted(0.0, 22.0, 6, 1.0, 40);
+        assert!(lean < 1e-6 && count > 24 * 19, "circle: {lean} rad of {count}");
     }
 
     /// The largest angle between the normals of vertices on the cone with this radius at a height of 0 and this slope of its side,

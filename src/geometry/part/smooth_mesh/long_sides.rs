@@ -42,6 +42,11 @@ const PARALLEL: f64 = 1e-4;
 const MOST_PARALLEL: usize = 32;
 /// Sides at one vertex that can be straight: a plane is held by two.
 const MOST_SIDES: usize = 2;
+/// Where the facets on both sides of a side and of one beside it bend opposite ways, as those of a twisted side do, one is the diagonal
+/// of the other, and bent: a twisted side has straight lines in one direction. They are this near to each other, as a cosine, and the
+/// straight one goes on within the surface by turning less than this share of what the diagonal does.
+const BESIDE: f64 = 0.9;
+const MORE_IN_LINE: f64 = 0.5;
 
 /// One end of a side that may be straight.
 #[derive(Clone, Copy)]
@@ -64,15 +69,76 @@ pub(super) fn straighten(mesh: &mut SmoothMesh, mut straight: Vec<End>) -> Vec<u
     let known = straight.iter().filter(|end| is_much_longer(mesh, end)).map(|end| end.vertex);
     let mut known: Vec<u32> = known.collect();
     known.dedup();
-    for sides in straight.chunk_by(|one, other| one.vertex == other.vertex) {
+    let at_vertices = straight.chunk_by(|one, other| one.vertex == other.vertex);
+    let longest = at_vertices.flat_map(|sides| &sides[..sides.len().min(MOST_SIDES)]);
+    let held: Vec<End> = longest.map(|end| straight_beside(mesh, end).unwrap_or(*end)).collect();
+    for sides in held.chunk_by(|one, other| one.vertex == other.vertex) {
         let vertex = sides[0].vertex as usize;
-        for End { chord, .. } in sides.iter().take(MOST_SIDES) {
+        for End { chord, .. } in sides {
             let normal = mesh.normals[vertex];
             let level = normal - chord * (normal.dot(chord) / chord.norm_squared());
             mesh.normals[vertex] = level.try_normalize(0.0).unwrap_or(normal);
         }
     }
     known
+}
+
+/// The side beside a diagonal of a twisted side, at the same vertex, that is straight instead of it; `None` for all others.
+fn straight_beside(mesh: &SmoothMesh, end: &End) -> Option<End> {
+    let at = mesh.positions[end.vertex as usize];
+    let facets = [end.side, mesh.continued[end.side] as usize];
+    let others = facets.into_iter().flat_map(|own| [1, 2].map(|turn| own / 3 * 3 + (own % 3 + turn) % 3));
+    let beside = others.filter_map(|side| {
+        let corners = mesh.triangles[side / 3];
+        let far = match [corners[side % 3], corners[(side % 3 + 1) % 3]] {
+            [near, far] if near == end.vertex => far,
+            [far, near] if near == end.vertex => far,
+            _ => return None,
+        };
+        let chord = mesh.positions[far as usize] - at;
+        let is_beside = chord.dot(&end.chord) > BESIDE * chord.norm() * end.chord.norm();
+        (is_beside && mesh.continued[side] != NONE).then_some(End { vertex: end.vertex, chord, side })
+    });
+    let mut beside = beside.filter(|other| is_convex(mesh, other.side) != is_convex(mesh, end.side));
+    let limit = MORE_IN_LINE * turns_aside(mesh, end);
+    beside.find(|other| turns_aside(mesh, other) < limit)
+}
+
+/// Whether the facets on both sides of a side, which another one continues, are lower than its tangent plane.
+fn is_convex(mesh: &SmoothMesh, side: usize) -> bool {
+    let other = mesh.continued[side] as usize;
+    let apex = mesh.corners(other / 3).0[(other % 3 + 2) % 3];
+    let (corners, _) = mesh.corners(side / 3);
+    facet_normal(corners).dot(&(apex - corners[side % 3])) < 0.0
+}
+
+/// By how much a side turns within the surface at both of its ends, where it goes on to the next vertices most nearly straight ahead, as
+/// the sum of two sines; an end at which it does not go on adds nothing.
+fn turns_aside(mesh: &SmoothMesh, end: &End) -> f64 {
+    let corners = mesh.triangles[end.side / 3];
+    let ends = [corners[end.side % 3], corners[(end.side % 3 + 1) % 3]];
+    let far = if ends[0] == end.vertex { ends[1] } else { ends[0] };
+    let there = End { vertex: far, chord: -end.chord, side: end.side };
+    let turn = |End { vertex, chord, side }: &End| {
+        let (at, normal) = (mesh.positions[*vertex as usize], mesh.normals[*vertex as usize]);
+        let (Some(along), Some(across)) = (chord.try_normalize(0.0), normal.cross(chord).try_normalize(0.0))
+        else {
+            return 0.0;
+        };
+        let (mut ahead, mut aside) = (ALONGSIDE, 0.0);
+        find_round(mesh, *vertex, *side, |triangle, _| {
+            for next in mesh.triangles[triangle] {
+                let step =
+                    (mesh.positions[next as usize] - at).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+                if -step.dot(&along) > ahead {
+                    (ahead, aside) = (-step.dot(&along), step.dot(&across).abs());
+                }
+            }
+            false
+        });
+        aside
+    };
+    turn(end) + turn(&there)
 }
 
 /// Each end of a straight side of the `chosen` triangles at which the normal is `estimated` and leans from it.
