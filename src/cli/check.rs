@@ -47,10 +47,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         match check_sku_file(&station, &path) {
             Ok(sku) => {
                 if let Some(other) = checked.insert(sku, path.clone()) {
-                    let what = format!("It is for the same SKU as {}, which is used.", other.display());
-                    let reason = Reason::new("settings-twice", what, "Keep one of the two.");
-                    let reason = reason.in_file(path.display().to_string());
-                    mistakes.push(Failure::new(Exit::Usage, reason));
+                    mistakes.push(ConfigError::Twice { file: path, other }.into());
                 }
             }
             Err(failure) => mistakes.push(failure),

@@ -28,6 +28,13 @@ pub enum ConfigError {
         /// The system's error.
         source: std::io::Error,
     },
+    /// Two files are for the same SKU: their names differ only in case or in how accents are composed.
+    Twice {
+        /// The file that is too many.
+        file: PathBuf,
+        /// The other one.
+        other: PathBuf,
+    },
     /// The file may still be written.
     BeingSaved {
         /// The file.
@@ -127,7 +134,9 @@ impl ConfigError {
     #[must_use]
     pub fn file(&self) -> Option<&Path> {
         match self {
-            Self::Unreadable { file, .. } | Self::BeingSaved { file } => Some(file),
+            Self::Unreadable { file, .. } | Self::Twice { file, .. } | Self::BeingSaved { file } => {
+                Some(file)
+            }
             Self::NoSkuFiles { folder, .. } => Some(folder),
             _ => match self.spot()? {
                 Spot::File { file, .. } => Some(file),
@@ -139,7 +148,10 @@ impl ConfigError {
     /// Where the mistake is; `None` for a file as a whole.
     pub fn spot(&self) -> Option<&Spot> {
         match self {
-            Self::Unreadable { .. } | Self::NoSkuFiles { .. } | Self::BeingSaved { .. } => None,
+            Self::Unreadable { .. }
+            | Self::NoSkuFiles { .. }
+            | Self::Twice { .. }
+            | Self::BeingSaved { .. } => None,
             Self::Syntax { spot, .. }
             | Self::UnknownKey { spot, .. }
             | Self::UnknownChoice { spot, .. }
@@ -165,6 +177,7 @@ impl ConfigError {
     fn code(&self) -> &'static str {
         match self {
             Self::Unreadable { .. } | Self::NoSkuFiles { .. } => "settings-unreadable",
+            Self::Twice { .. } => "settings-twice",
             Self::BeingSaved { .. } => "settings-being-saved",
             Self::Syntax { .. } => "settings-syntax",
             Self::UnknownKey { .. } => "settings-unknown-key",
@@ -214,6 +227,10 @@ impl ConfigError {
             Self::NoSkuFiles { source, .. } => {
                 format!("The folder of the SKU files cannot be listed: {source}.")
             }
+            Self::Twice { other, .. } => format!(
+                "It is for the same SKU as {}: the names differ only in case, or in how accents are composed.",
+                other.display()
+            ),
             Self::BeingSaved { .. } => "The settings may still be written.".into(),
             Self::Syntax { message, .. } if self.is_option() => {
                 format!("The value cannot be understood: {message}.")
@@ -256,6 +273,7 @@ impl ConfigError {
                  before wait."
                     .into()
             }
+            Self::Twice { .. } => "Keep one of the two files.".into(),
             Self::BeingSaved { .. } => "Wait: isomark reads them again in a moment.".into(),
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
             Self::Syntax { backslash: true, .. } => {

@@ -183,8 +183,8 @@ impl LiveSettings {
         if self.new_texts.get(&self.station.file).is_some_and(|new| !new.settled) {
             return Err(ConfigError::BeingSaved { file: self.station.file.clone() });
         }
-        let file = sku_files(&self.station.folders.skus).map(|mut files| files.remove(sku));
-        match file.and_then(|file| self.read_sku(sku, file)) {
+        let files = sku_files(&self.station.folders.skus).map(|mut files| files.remove(sku));
+        match files.and_then(|files| self.read_sku(sku, &files.unwrap_or_default())) {
             Ok(settings) => Ok(settings),
             Err(error @ ConfigError::BeingSaved { .. }) => Err(error),
             Err(error) => {
@@ -218,24 +218,29 @@ impl LiveSettings {
         }
         let station = &self.station.file;
         let known = |file: &PathBuf| self.skus.values().any(|sku| sku.file == *file);
-        let is_used =
-            |file: &PathBuf| file == station || found.values().any(|path| path == file) || known(file);
+        let is_found = |file: &PathBuf| found.values().flatten().any(|path| path == file);
+        let is_used = |file: &PathBuf| file == station || is_found(file) || known(file);
         let unused: Vec<PathBuf> = self.complaints.keys().filter(|file| !is_used(file)).cloned().collect();
         self.new_texts.retain(|file, _| is_used(file));
         for file in unused {
             self.complaints.remove(&file);
-            let sku = sku_of(&file).filter(|sku| !found.contains_key(sku) && !self.skus.contains_key(sku));
             // After a change of the station's settings, the file may be in the former folder.
-            if let Some(sku) = sku.filter(|_| file.parent() == Some(&*folder)) {
-                self.events.push(SettingsEvent::BrokenRemoved { sku, file });
+            let Some(sku) = sku_of(&file).filter(|_| file.parent() == Some(&*folder)) else { continue };
+            match found.get(&sku).map(Vec::as_slice) {
+                // It was one of two.
+                Some([left]) => self.events.push(SettingsEvent::Mended(left.clone())),
+                None if !self.skus.contains_key(&sku) => {
+                    self.events.push(SettingsEvent::BrokenRemoved { sku, file });
+                }
+                _ => {}
             }
         }
         match &mut self.first_files {
-            Some(first) => first.retain(|file| found.values().any(|path| path == file) || known(file)),
-            None => self.first_files = Some(found.values().cloned().collect()),
+            Some(first) => first.retain(|file| is_found(file) || known(file)),
+            None => self.first_files = Some(found.values().flatten().cloned().collect()),
         }
-        for (sku, path) in found {
-            match self.read_sku(&sku, Some(path)) {
+        for (sku, files) in found {
+            match self.read_sku(&sku, &files) {
                 Ok(_) | Err(ConfigError::BeingSaved { .. }) => {}
                 Err(error) => self.complain(error),
             }
@@ -252,8 +257,8 @@ impl LiveSettings {
         self.complaints.values().map(String::as_str)
     }
 
-    fn read_sku(&mut self, sku: &Sku, file: Option<PathBuf>) -> Result<JobSettings, ConfigError> {
-        let Some(file) = file else {
+    fn read_sku(&mut self, sku: &Sku, files: &[PathBuf]) -> Result<JobSettings, ConfigError> {
+        let Some(file) = files.first().cloned() else {
             return match self.skus.get(sku) {
                 Some(last) => self.station.settings.overridden_by(&last.file, &last.text),
                 None => match self.released.as_ref().and_then(|released| released.instead(sku, None)) {
@@ -265,6 +270,15 @@ impl LiveSettings {
                 },
             };
         };
+        if let [first, second, ..] = files {
+            let used = self.skus.get(sku).map(|old| &old.file).filter(|used| files.contains(used));
+            let (file, other) = match used {
+                Some(used) if used == first => (second, first),
+                Some(used) => (first, used),
+                None => (second, first),
+            };
+            return Err(ConfigError::Twice { file: file.clone(), other: other.clone() });
+        }
         let mut text = read(&file)?;
         let old = self.skus.get(sku).filter(|old| old.file == file);
         if old.is_some_and(|old| old.text == text) {
@@ -317,7 +331,7 @@ impl LiveSettings {
         let file = error.file().unwrap_or(&self.station.file).to_path_buf();
         if self.complaints.insert(file.clone(), words.clone()) != Some(words) {
             let of_sku = file != self.station.file && file != self.station.folders.skus;
-            let old_stay = !of_sku || self.skus.values().any(|sku| sku.file == file);
+            let old_stay = !of_sku || sku_of(&file).is_some_and(|sku| self.skus.contains_key(&sku));
             self.events.push(SettingsEvent::Broken { error, old_stay });
         }
     }
@@ -334,20 +348,20 @@ impl LiveSettings {
     }
 }
 
-/// The settings file of each SKU, in any spelling of its name. Of two for one SKU the first by name is used.
+/// The settings files of each SKU, in any spelling of its name, by name; more than one is a mistake.
 ///
 /// # Errors
 /// When the folder is missing or cannot be listed: its files may still exist.
-pub(crate) fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, PathBuf>, ConfigError> {
+pub(crate) fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, Vec<PathBuf>>, ConfigError> {
     let unreadable = |source| ConfigError::NoSkuFiles { folder: folder.into(), source };
-    let mut files = BTreeMap::<Sku, PathBuf>::new();
+    let mut files = BTreeMap::<Sku, Vec<PathBuf>>::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         if let Some(sku) = sku_of(&path) {
-            let first = files.entry(sku).or_insert_with(|| path.clone());
-            *first = path.min(std::mem::take(first));
+            files.entry(sku).or_default().push(path);
         }
     }
+    files.values_mut().for_each(|files| files.sort());
     Ok(files)
 }
 

@@ -481,6 +481,56 @@ fn sku_settings_that_vanish_for_a_moment_are_kept() {
     assert!(matches!(live.take_events()[..], [SettingsEvent::SkuChanged { .. }]));
 }
 
+/// Names that differ only in case are one file on some systems; in how accents are composed, they are two on all common ones.
+#[test]
+fn two_files_for_one_sku_are_a_mistake_and_keep_the_previous_settings() {
+    for (name, twin) in [("can.toml", "Can.toml"), ("k\u{e4}.toml", "ka\u{308}.toml")] {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("station.toml");
+        let sku: Sku = Path::new(name).file_stem().unwrap().to_str().unwrap().parse().unwrap();
+        fs_err::write(&file, NEEDED).unwrap();
+        let skus = folder.path().join("skus");
+        fs_err::create_dir(&skus).unwrap();
+        fs_err::write(skus.join(name), "[placement]\nrotate_deg = 90").unwrap();
+        fs_err::write(skus.join(twin), "[placement]\nrotate_deg = 10").unwrap();
+        if fs_err::read_dir(&skus).unwrap().count() == 1 {
+            continue;
+        }
+        // Nothing was used before: a command refuses, and a job waits.
+        let mut live = LiveSettings::open(&file).unwrap().at_once();
+        let reason = live.job(&sku).unwrap_err().reason();
+        assert_eq!(
+            (reason.code.as_str(), reason.remedy.as_str()),
+            ("settings-twice", "Keep one of the two files.")
+        );
+        live.refresh_skus();
+        assert!(matches!(live.take_events()[..], [SettingsEvent::Broken { old_stay: false, .. }]));
+        assert_eq!(live.complaints().count(), 1);
+        fs_err::remove_file(skus.join(twin)).unwrap();
+        live.refresh_skus();
+        assert!(matches!(live.take_events()[..], [SettingsEvent::Mended(_)]));
+        let turn = |live: &mut LiveSettings| live.job(&sku).unwrap().placement.rotate.to_degrees().round();
+        assert_eq!((live.complaints().count(), turn(&mut live)), (0, 90.0));
+
+        fs_err::write(skus.join(twin), "[placement]\nrotate_deg = 10").unwrap();
+        for expected in [1, 0] {
+            live.refresh_skus();
+            assert_eq!(turn(&mut live), 90.0);
+            let events = live.take_events();
+            assert!(events.iter().all(|event| matches!(event, SettingsEvent::Broken { old_stay: true, .. })));
+            assert_eq!((live.complaints().count(), events.len()), (1, expected));
+        }
+        fs_err::remove_file(skus.join(name)).unwrap();
+        live.refresh_skus();
+        assert_eq!((live.complaints().count(), turn(&mut live)), (0, 10.0));
+        let events = live.take_events();
+        assert!(
+            matches!(events[..], [SettingsEvent::Mended(_), SettingsEvent::SkuChanged { .. }]),
+            "{events:?}"
+        );
+    }
+}
+
 #[test]
 fn the_folders_of_a_broken_station_file_are_known() {
     let folder = tempfile::tempdir().unwrap();

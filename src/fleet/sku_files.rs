@@ -185,10 +185,11 @@ impl SkuFiles {
         inner.settings = station.settings.clone();
     }
 
-    /// The file of each SKU now.
+    /// The file of each SKU now; of several for one SKU, the first by name.
     pub(super) fn listed(&self) -> io::Result<BTreeMap<Sku, PathBuf>> {
         let folder = self.inner().folder.clone();
-        sku_files(&folder).map_err(|error| io::Error::other(error.reason().on_one_line()))
+        let files = sku_files(&folder).map_err(|error| io::Error::other(error.reason().on_one_line()))?;
+        Ok(files.into_iter().filter_map(|(sku, files)| Some((sku, files.into_iter().next()?))).collect())
     }
 
     /// What people should know.

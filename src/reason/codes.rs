@@ -1918,7 +1918,7 @@ const CODES: &[Code] = &[
         "settings-twice",
         "Two settings files are for the same SKU.",
         "SKU names that differ only in upper and lower case, or in how accents are composed, are the same SKU. \
-         Only one of the files is used.",
+         A station keeps the settings that it used before; if there are none, the drawings of the SKU wait.",
         "Keep one of the two files.",
     ]),
     reason([
