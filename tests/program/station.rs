@@ -295,6 +295,40 @@ fn a_part_of_two_files_is_fitted_again_from_both() {
     );
 }
 
+/// `<sku>/<name>` and `<sku>@<name>` are the same name.
+#[test]
+fn settings_and_lists_belong_to_drawings_of_either_form_of_the_name() {
+    let station = Station::new();
+    station.desk.write("skus/can.toml", "[part]\nshape = \"cylinder\"\ndiameter_mm = 66\nlength_mm = 120\n");
+    for (settings, drawing) in
+        [("can@d.toml", "can/d.svg"), ("can/e.toml", "can@e.svg"), ("can/can@f.toml", "can@f.svg")]
+    {
+        station.desk.write(&format!("hot/{settings}"), "[placement]\nrotate_deg = 90\n");
+        let svg = "<svg xmlns='http://www.w3.org/2000/svg' width='20mm' height='10mm' viewBox='0 0 20 10'>\
+                   <rect x='1' y='4' width='18' height='2' fill='none' stroke='black'/></svg>";
+        station.desk.write(&format!("hot/{drawing}"), svg);
+    }
+    station.desk.write("hot/can@x.csv", "LOT\nA\nB\n");
+    station.desk.write("hot/can/x.dxf", fs::read(drawing("square")).unwrap());
+    let output = station.once();
+    for name in ["d", "e", "f"] {
+        let text = station.desk.text(&format!("reports/can/can@{name}.report.json"));
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(report["placement"]["rotate_deg"], 90.0, "{name}: {output:?}");
+    }
+    assert_eq!(files(&station.path("hot")), Vec::<String>::new(), "{output:?}");
+    assert_eq!(station.import().iter().filter(|name| name.starts_with("can@x-")).count(), 2, "{output:?}");
+    let archive = files(&station.path("archive/can"));
+    assert!(archive.iter().any(|name| name.ends_with("e.toml")), "{archive:?}");
+    // A rejected drawing takes its list along, and back again.
+    station.desk.write("hot/can@y.csv", "LOT\n");
+    station.desk.write("hot/can/y.dxf", fs::read(drawing("square")).unwrap());
+    let output = station.once();
+    assert_eq!(files(&station.path("hot")), Vec::<String>::new(), "{output:?}");
+    station.desk.isomark(&["retry", "station.toml", "--rejected"]);
+    assert_eq!(files(&station.path("hot")), ["can/can@y.csv", "can/y.dxf"]);
+}
+
 #[test]
 fn the_station_waits_for_slow_writers() {
     let mut station = Station::new();

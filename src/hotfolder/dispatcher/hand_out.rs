@@ -137,7 +137,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
             waits_for_import: attempt.waits_for_import,
             unfiled: self.unfiled.remove(path),
             read: None,
-            sidecar: self.drops.sidecar_beside(path),
+            sidecar: self.drops.sidecar_of(path),
+            list: self.drops.list_of(path),
         };
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &task.work {
             if self.drops.has_part(sku) { self.executor.part_arrived(sku) } else { self.executor.begins(sku) }

@@ -9,7 +9,7 @@ use crate::config::Sku;
 use crate::hotfolder::api::{Corrector, Mode};
 use crate::hotfolder::jobs::{Outcome, Searched, Work, filing};
 use crate::hotfolder::seen::{
-    Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_list, is_sidecar, sidecar_of,
+    Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_list, is_sidecar, other_form, sidecar_of,
 };
 use crate::hotfolder::state::status::FinishedAs;
 use crate::hotfolder::state::with_slashes;
@@ -152,7 +152,12 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             // If the settings were filed with the drawing and a file of the same name exists, that is a new one.
             let is_late = |path: &PathBuf| !went_along.contains(path) || folders::is_file(path);
-            if let Some(sidecar) = sidecar_of(path).filter(is_late) {
+            let has_settings = went_along.iter().any(|path| is_sidecar(path));
+            let hot = self.folders().hot.clone();
+            let other = path.strip_prefix(&hot).ok().and_then(other_form).map(|other| hot.join(other));
+            // What the drawing was delivered with in another form is not missing.
+            let other = other.filter(|_| !has_settings).as_deref().and_then(sidecar_of);
+            for sidecar in sidecar_of(path).into_iter().chain(other).filter(is_late) {
                 self.late.expect_sidecar(&sidecar, self.now());
                 // It may have arrived while the job was ending.
                 if self.drops.get(&sidecar).is_some_and(|drop| drop.block == Block::Unclaimed) {
@@ -324,7 +329,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
     pub(super) fn log_unclaimed(&mut self, now: Moment) {
         for (path, words) in self.late.take_unclaimed(now) {
             let waits = self.drops.get(&path).is_some_and(|drop| drop.block == Block::Unclaimed);
-            if waits && !self.drops.has_pattern_beside(&path) {
+            if waits && !self.drops.has_pattern_of(&path) {
                 tracing::info!("{words}");
             }
         }

@@ -13,7 +13,7 @@ use crate::files::{TEMPORARY_END, TEMPORARY_START};
 use crate::hotfolder::api::JobError;
 use crate::hotfolder::error::folder_trouble;
 use crate::hotfolder::seen::folders::is_file;
-use crate::hotfolder::seen::{Found, Parking, folders, sidecar_of};
+use crate::hotfolder::seen::{Found, Parking, folders, other_form, sidecar_of};
 use crate::hotfolder::state::{DropId, Journal, OpenJob, Stage};
 use crate::reason::Reason;
 
@@ -190,16 +190,16 @@ fn other_import(import: &Path) -> Reason {
 /// of that name must not use them. If such a pattern is there already, the settings belong to it.
 fn leftover_sidecar_follows(folders: &FolderPaths, parking: &Parking, drop: &DropId, open: &OpenJob) {
     let DropId::Hot(path) = drop else { return };
-    let path = folders.hot.join(path);
-    let (true, Some(archived), Some(sidecar), Ok(None)) =
-        (open.is_delivered(), archived(folders, open), sidecar_of(&path), folders::look(&path))
-    else {
-        return;
-    };
-    if is_file(&sidecar) {
-        let place = archived.parent().unwrap_or(&archived);
-        if let Err(error) = filing::follow(folders, parking, &sidecar, place) {
-            tracing::warn!("{} remains in the hot folder: {error}", sidecar.display());
+    let forms = [Some(PathBuf::from(path)), other_form(Path::new(path))];
+    let (true, Some(archived)) = (open.is_delivered(), archived(folders, open)) else { return };
+    for path in forms.into_iter().flatten().map(|form| folders.hot.join(form)) {
+        let (Some(sidecar), Ok(None)) = (sidecar_of(&path), folders::look(&path)) else { return };
+        if is_file(&sidecar) {
+            let place = archived.parent().unwrap_or(&archived);
+            if let Err(error) = filing::follow(folders, parking, &sidecar, place) {
+                tracing::warn!("{} remains in the hot folder: {error}", sidecar.display());
+            }
+            return;
         }
     }
 }

@@ -10,10 +10,10 @@ use serde::Deserialize;
 
 use super::filing;
 use super::filing::REPORT;
-use crate::config::FolderPaths;
+use crate::config::{FolderPaths, fold};
 use crate::files::make_folder;
 use crate::hotfolder::seen::folders::move_new;
-use crate::hotfolder::seen::{Meaning, meaning};
+use crate::hotfolder::seen::{Meaning, is_list, meaning};
 use crate::hotfolder::state::{JournalPositions, with_slashes};
 use crate::printable::on_one_line;
 use crate::reason::Reason;
@@ -254,6 +254,12 @@ fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Resu
     Ok(())
 }
 
+/// Whether `<sku>@<name>.csv` is the list of the drawing `<name>` of the SKU's folder.
+fn is_list_of(list: &Path, drawing: &Path) -> bool {
+    let stem = |path: &Path| path.file_stem().map(|stem| fold(&stem.to_string_lossy())).unwrap_or_default();
+    is_list(list) && stem(list).split_once('@').is_some_and(|(_, name)| name == stem(drawing))
+}
+
 /// The companions beside a rejected drop: files with its name, and files that it names.
 fn companions(rejected: &Path, bytes: &[u8]) -> Vec<PathBuf> {
     let folder = rejected.parent().unwrap_or(Path::new(""));
@@ -262,7 +268,7 @@ fn companions(rejected: &Path, bytes: &[u8]) -> Vec<PathBuf> {
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { return false };
         let named = || bytes.windows(name.len()).any(|window| window == name.as_bytes());
         meaning(Path::new(name)) == Ok(Meaning::Companion)
-            && (path.file_stem() == rejected.file_stem() || named())
+            && (path.file_stem() == rejected.file_stem() || is_list_of(path, rejected) || named())
     };
     entries.filter(|path| path.is_file()).filter(belongs).collect()
 }

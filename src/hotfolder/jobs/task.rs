@@ -40,8 +40,10 @@ pub(crate) struct Task {
     pub(crate) unfiled: Option<Unfiled>,
     /// What was read before the job paused.
     pub(crate) read: Option<Read>,
-    /// The settings that were seen beside the drop.
+    /// The settings that were seen for the drop.
     pub(crate) sidecar: Option<PathBuf>,
+    /// The list that was seen for the drop.
+    pub(crate) list: Option<PathBuf>,
 }
 
 impl Task {
@@ -55,13 +57,16 @@ impl Task {
         }
     }
 
-    /// The path of the list of products beside a dropped pattern.
+    /// The path of the list of products of a dropped pattern: the usual path, or the one where it was seen.
     pub(crate) fn place_of_list(&self) -> Option<PathBuf> {
         match self.work {
             Work::Correct { .. } => {
-                let lower = list_of(&self.path)?;
-                let spellings = ["csv", "CSV", "Csv"].map(|ending| lower.with_extension(ending));
-                Some(spellings.into_iter().find(|path| folders::is_file(path)).unwrap_or(lower))
+                let lower = list_of(&self.path);
+                let spellings = lower
+                    .iter()
+                    .flat_map(|lower| ["csv", "CSV", "Csv"].map(|ending| lower.with_extension(ending)));
+                let existing = spellings.into_iter().find(|path| folders::is_file(path));
+                existing.or_else(|| self.list.clone()).or(lower)
             }
             Work::CorrectAgain { .. } | Work::Learn(_) | Work::Restore(_) | Work::Reject(_) => None,
         }

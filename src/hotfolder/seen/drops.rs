@@ -1,13 +1,13 @@
 //! The drops in the hot folder, and the state of each.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::settle::{Ending, Settle};
 use super::{
-    Found, Gap, Meaning, Moment, SettleTimes, Verdict, Writer, delivered_as, is_list, is_sidecar, meaning,
+    Found, Gap, Meaning, Moment, SettleTimes, Verdict, Writer, delivered_as, full_stem, is_list, is_sidecar,
+    meaning,
 };
 use crate::config::{Sku, fold};
 use crate::formats::mesh::MeshFormat;
@@ -69,10 +69,8 @@ pub(crate) struct Drops {
     parts: BTreeMap<Sku, usize>,
     /// Drops that may belong to a part or pattern beside them.
     companions: BTreeSet<PathBuf>,
-    /// The same by their folded paths without extension.
-    by_stem: BTreeMap<String, BTreeSet<PathBuf>>,
-    /// Settings beside patterns, by their folded paths without extension: the spelling of a name does not matter.
-    sidecars: BTreeMap<String, PathBuf>,
+    /// The same, and the patterns, by their folded full names: the spelling of a name and its form do not matter.
+    by_name: BTreeMap<String, BTreeSet<PathBuf>>,
     /// How many drops have arrived so far.
     count: u64,
 }
@@ -81,9 +79,9 @@ fn is_bitmap(relative: &Path) -> bool {
     relative.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bmp"))
 }
 
-/// The folded path without its extension.
-fn folded_stem(path: &Path) -> String {
-    fold(&path.with_extension("").to_string_lossy())
+/// The folded full name without its extension.
+fn folded_name(relative: &Path) -> String {
+    fold(&full_stem(relative))
 }
 
 impl Drops {
@@ -127,10 +125,9 @@ impl Drops {
         let part = if let Ok(Meaning::Part(sku)) = &meaning { Some(sku.clone()) } else { None };
         if meaning == Ok(Meaning::Companion) || is_picture(&relative.to_string_lossy()) {
             self.companions.insert(path.clone());
-            self.by_stem.entry(folded_stem(&path)).or_default().insert(path.clone());
         }
-        if is_file && is_sidecar(relative) {
-            self.sidecars.insert(folded_stem(&path), path.clone());
+        if matches!(meaning, Ok(Meaning::Companion | Meaning::Pattern { .. })) {
+            self.by_name.entry(folded_name(relative)).or_default().insert(path.clone());
         }
         if let Some(sku) = part {
             *self.parts.entry(sku).or_default() += 1;
@@ -168,17 +165,13 @@ impl Drops {
     /// Forgets a drop that is no longer in the hot folder.
     pub(crate) fn forget(&mut self, path: &Path) {
         let Some(drop) = self.all.remove(path) else { return };
-        let stem = folded_stem(path);
-        if self.companions.remove(path)
-            && let Some(of_stem) = self.by_stem.get_mut(&stem)
-        {
-            of_stem.remove(path);
-            if of_stem.is_empty() {
-                self.by_stem.remove(&stem);
+        self.companions.remove(path);
+        let name = folded_name(&drop.relative);
+        if let Some(of_name) = self.by_name.get_mut(&name) {
+            of_name.remove(path);
+            if of_name.is_empty() {
+                self.by_name.remove(&name);
             }
-        }
-        if self.sidecars.get(&stem).is_some_and(|sidecar| sidecar == path) {
-            self.sidecars.remove(&stem);
         }
         if let Ok(Meaning::Part(sku)) = drop.meaning {
             let left = self.parts.get(&sku).map_or(0, |count| count - 1);
@@ -233,38 +226,48 @@ impl Drops {
 
     /// The companions beside a drop that may still be written.
     pub(crate) fn settling_beside(&self, path: &Path, now: Moment, times: &SettleTimes) -> BTreeSet<PathBuf> {
-        let is_pattern =
-            self.all.get(path).is_some_and(|drop| matches!(drop.meaning, Ok(Meaning::Pattern { .. })));
-        // Only files of its own name belong to a drawing: there may be thousands of others.
-        let companions = match is_pattern {
-            true => self.by_stem.get(&folded_stem(path)),
-            false => Some(&self.companions),
-        };
-        let companions = companions.into_iter().flatten();
-        let beside = companions.filter(|companion| companion.parent() == path.parent());
         let settles = |companion: &&PathBuf| {
             let drop = self.all.get(*companion);
             drop.is_some_and(|drop| matches!(drop.settle.verdict(now, times), Verdict::Wait(_)))
         };
+        // Only files of its own name belong to a drawing: there may be thousands of others.
+        if self.is_pattern(path) {
+            let companions = self.of_name(path).filter(|companion| self.companions.contains(*companion));
+            return companions.filter(settles).cloned().collect();
+        }
+        let beside = self.companions.iter().filter(|companion| companion.parent() == path.parent());
         beside.filter(settles).cloned().collect()
     }
 
-    /// The settings that were seen beside a pattern, in any spelling of their name.
-    pub(crate) fn sidecar_beside(&self, pattern: &Path) -> Option<PathBuf> {
-        self.sidecars.get(&folded_stem(pattern)).cloned()
+    /// The settings that were seen for a pattern, in any spelling and form of their name.
+    pub(crate) fn sidecar_of(&self, pattern: &Path) -> Option<PathBuf> {
+        self.companion_of(pattern, is_sidecar)
+    }
+
+    /// The list that was seen for a pattern, in any spelling and form of its name.
+    pub(crate) fn list_of(&self, pattern: &Path) -> Option<PathBuf> {
+        self.companion_of(pattern, is_list)
+    }
+
+    /// A companion of this kind and of a pattern's name; one in the same folder before others.
+    fn companion_of(&self, pattern: &Path, is_meant: impl Fn(&Path) -> bool) -> Option<PathBuf> {
+        let found = || self.of_name(pattern).filter(|path| is_meant(path));
+        found().find(|path| path.parent() == pattern.parent()).or_else(|| found().next()).cloned()
     }
 
     /// Whether the drawing that a companion belongs to is there, too.
-    pub(crate) fn has_pattern_beside(&self, companion: &Path) -> bool {
-        let stem = companion.with_extension("");
-        let name = stem.file_name().map(OsStr::to_os_string).unwrap_or_default();
-        let starts_so = |path: &Path| {
-            let own = path.file_name().unwrap_or_default().as_encoded_bytes();
-            path.parent() == companion.parent() && own.starts_with(name.as_encoded_bytes())
-        };
-        let near = self.all.range(stem.clone()..).take_while(|(path, _)| starts_so(path));
-        near.filter(|(path, _)| path.file_stem() == Some(name.as_os_str()))
-            .any(|(_, drop)| matches!(drop.meaning, Ok(Meaning::Pattern { .. })))
+    pub(crate) fn has_pattern_of(&self, companion: &Path) -> bool {
+        self.of_name(companion).any(|path| self.is_pattern(path))
+    }
+
+    fn is_pattern(&self, path: &Path) -> bool {
+        self.all.get(path).is_some_and(|drop| matches!(drop.meaning, Ok(Meaning::Pattern { .. })))
+    }
+
+    /// The patterns and companions of the full name of a drop.
+    fn of_name(&self, path: &Path) -> impl Iterator<Item = &PathBuf> {
+        let drop = self.all.get(path);
+        drop.and_then(|drop| self.by_name.get(&folded_name(&drop.relative))).into_iter().flatten()
     }
 
     /// Ends the pauses of all drops that wait for another attempt.
@@ -344,9 +347,13 @@ impl Drops {
     /// Records a new companion: incomplete drops in its folder are checked again.
     pub(crate) fn companion_arrived(&mut self, companion: &Path) {
         let folder = companion.parent();
+        let of_name: BTreeSet<PathBuf> = self.of_name(companion).cloned().collect();
         for (path, drop) in &mut self.all {
             // Comparing folders takes long beside thousands of drops.
-            if drop.settle.lacks_companion() && path.parent() == folder && drop.sku().is_some() {
+            if drop.settle.lacks_companion()
+                && (path.parent() == folder || of_name.contains(path))
+                && drop.sku().is_some()
+            {
                 drop.settle.companion_came();
             }
         }

@@ -7,8 +7,10 @@
 //! | `<sku>/<anything>.glb` and so on | a part or a scan |
 //! | `<sku>/<anything>.dxf`, `.svg`, `.png`, `.bmp` | a pattern, delivered as `<sku>@<anything>.dxf`, because other SKUs may have one with the same name |
 //! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they are filed with that part |
-//! | `<sku>@<anything>.csv` | the list of products for the drawing `<sku>@<anything>.dxf`, `.svg`, … beside it |
-//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.svg`, `.png` or `.bmp` in the same folder, filed with it |
+//! | `<sku>@<anything>.csv` | the list of products for the drawing `<sku>@<anything>.dxf`, `.svg`, …, filed with it |
+//! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.svg`, `.png` or `.bmp`, filed with it |
+//!
+//! `<sku>/<anything>` and `<sku>@<anything>` are the same name: settings and lists belong to a pattern of either form.
 //!
 //! Extensions may be written in any case. Files with temporary and system names are never touched ([`is_ignored`]).
 
@@ -135,6 +137,33 @@ pub fn list_of(pattern: &Path) -> Option<PathBuf> {
 /// The path of a pattern's own settings: `<name>.toml` beside `<name>.dxf`.
 pub fn sidecar_of(pattern: &Path) -> Option<PathBuf> {
     pattern.file_stem().map(|_| pattern.with_extension(SIDECAR))
+}
+
+/// The full name of a drawing, its settings or its list at `relative`, without its extension: `<sku>@<name>` in either form.
+pub(crate) fn full_stem(relative: &Path) -> String {
+    let stem = relative.file_stem().unwrap_or_default().to_string_lossy();
+    let folder = relative.parent().and_then(Path::file_name).map(|folder| folder.to_string_lossy());
+    match folder {
+        Some(folder) if !folder.parse::<Sku>().is_ok_and(|sku| names_sku(&stem, &sku)) => {
+            format!("{folder}@{stem}")
+        }
+        _ => stem.into_owned(),
+    }
+}
+
+/// The same name in the other form: `<sku>/<name>` for `<sku>@<name>`, and the reverse.
+pub(crate) fn other_form(relative: &Path) -> Option<PathBuf> {
+    let name = relative.file_name()?.to_str()?;
+    match relative.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        Some(_) => {
+            let ending = relative.extension()?.to_str()?;
+            Some(format!("{}.{ending}", full_stem(relative)).into())
+        }
+        None => {
+            let (sku, rest) = name.split_once('@')?;
+            (!rest.starts_with('.')).then(|| Path::new(sku).join(rest))
+        }
+    }
 }
 
 /// The meaning of the file at `relative`, its path in the hot folder: a name, or a SKU's folder and a name.
@@ -313,6 +342,22 @@ mod tests {
             ("can/can.mtl", Meaning::Companion),
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap(), expected, "{relative}");
+        }
+    }
+
+    #[test]
+    fn both_forms_of_a_name_are_the_same() {
+        for (relative, full, other) in [
+            ("can@d.svg", "can@d", Some("can/d.svg")),
+            ("can/d.svg", "can@d", Some("can@d.svg")),
+            ("can/CAN@d.toml", "CAN@d", Some("CAN@d.toml")),
+            ("can/can.dxf", "can", Some("can.dxf")),
+            ("can.dxf", "can", None),
+            ("can@a@b.csv", "can@a@b", Some("can/a@b.csv")),
+        ] {
+            let relative = Path::new(relative);
+            assert_eq!(full_stem(relative), full);
+            assert_eq!(other_form(relative).as_deref(), other.map(Path::new), "{}", relative.display());
         }
     }
 
