@@ -327,7 +327,7 @@ impl Pipeline {
         let exposure = mapped.exposure(surface);
         checks::ink_layers(&placed, settings, &mut notices);
         let lift = Lift::new(surface, &learned.settings);
-        checks::on_surface(exposure, &whole.kept, ink).map_err(rejected)?;
+        checks::on_surface(exposure, &whole.kept, &ink.extents).map_err(rejected)?;
         checks::exposure(exposure, &projection, part, lift, ink, settings, &mut notices).map_err(rejected)?;
         let over_part = Lift::new(&whole.kept.surface, &learned.settings);
         checks::hidden(&projection, ink, &whole.kept, settings, over_part).map_err(rejected)?;

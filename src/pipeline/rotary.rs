@@ -200,7 +200,8 @@ fn recognised(
     ink: &Ink,
 ) -> Result<LengthTrueMap, Reason> {
     let find = |method: Method| LengthTrueMap::find(&part.surface, under, |_| true, place, &method);
-    let under_drawing = quality::sample(under, |_| true);
+    // A reason states the extents of the drawing.
+    let under_drawing = Ink { extents: ink.extents, ..quality::sample(under, |_| true) };
     let no_map = |error| {
         let ink =
             if part.surface.field.is_surface(ViewPoint::from(place.coords())) { &under_drawing } else { ink };
@@ -267,6 +268,8 @@ struct Stage<'a> {
     along: Vec<f64>,
     /// Largest distance of the ink from the axis, mm.
     radius: f64,
+    /// The extents of the ink, mm.
+    drawn: Extents,
 }
 
 impl<'a> Stage<'a> {
@@ -296,7 +299,8 @@ impl<'a> Stage<'a> {
         let radius = along.iter().map(|along| unrolled.radius(*along)).fold(0.0, f64::max);
         let projection =
             Projection { map, surface: &part.surface, fixture: settings.fixture, head: settings.scan_head() };
-        Ok(Self { part, projection, unrolled, items, spans, along, radius })
+        let drawn = ink.extents;
+        Ok(Self { part, projection, unrolled, items, spans, along, radius, drawn })
     }
 
     /// Ink at every position along the axis, at these angles.
@@ -379,7 +383,7 @@ impl<'a> Stage<'a> {
             let probes = self.probes(&[middle]);
             let seen = self.projection.expose(&probes);
             let lift = Lift::new(&self.part.surface, &learned.settings);
-            checks::on_surface(&seen, self.part, &probes)?;
+            checks::on_surface(&seen, self.part, &self.drawn)?;
             checks::exposure(&seen, &self.projection, self.part, lift, &probes, settings, &mut Vec::new())?;
             return Err(checks::rotary_no_room(0.0));
         }

@@ -734,7 +734,12 @@ fn what_cannot_go_round_is_refused_with_a_number_and_a_remedy() {
         "rotary-method",
         &["isometric", "auto"],
     );
-    refused("--cylinder 66,20 --rotary --place 0,8 drawing.dxf", "off-surface", &[]);
+    // The numbers are those of the whole drawing: the circumference of 207.35 mm.
+    refused(
+        "--cylinder 66,20 --rotary --place 0,8 drawing.dxf",
+        "off-surface",
+        &["the drawing x -103.7 to 103.7"],
+    );
     let mouse = format!("{}/examples/parts/mouse.glb", env!("CARGO_MANIFEST_DIR"));
     refused(&format!("{mouse} drawing.dxf --rotary --place 0,8"), "rotary-not-round", &["0.005", "facing"]);
     for options in ["--rotary=many", "--rotary --overlap -1", "--rotary --max-tile 0", "--rotary=0"] {

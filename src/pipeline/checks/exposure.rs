@@ -4,7 +4,7 @@ use super::{above_lens, off_surface, span};
 use crate::config::FocusSteps;
 use crate::formats::mesh::NormalsChoice;
 use crate::geometry::correction::Projection;
-use crate::geometry::space::ViewPoint;
+use crate::geometry::space::{Extents, ViewPoint};
 use crate::pipeline::causes::Cause;
 use crate::pipeline::landmarks::Lift;
 use crate::pipeline::{CachedSurface, Exposure, Ink, JobSettings};
@@ -38,15 +38,16 @@ pub(in crate::pipeline) fn exposure(
     residual(seen, part, lift, settings, notices)
 }
 
-/// Rejects a drawing of which some ink is not on the surface; `whole` is the part of which the drawing may need only a piece.
+/// Rejects a drawing with these extents of which some ink is not on the surface; `whole` is the part of which the drawing may need
+/// only a piece.
 pub(in crate::pipeline) fn on_surface(
     seen: &Exposure,
     whole: &CachedSurface,
-    ink: &Ink,
+    drawn: &Extents,
 ) -> Result<(), Reason> {
     let Some((_, at)) = seen.first_off_surface else { return Ok(()) };
     let percent = 100.0 * seen.off_surface as f64 / seen.samples as f64;
-    Err(off_surface(at, whole, &ink.extents).with_number("ink without surface", percent, "%", Some(0.0)))
+    Err(off_surface(at, whole, drawn).with_number("ink without surface", percent, "%", Some(0.0)))
 }
 
 fn incidence(
