@@ -409,7 +409,18 @@ fn the_size_of_the_page_gives_the_scale() {
     }
     let unsized_page = try_read(&format!("{HEAD}viewBox='0 0 100 100'>{rect}")).unwrap();
     assert!(unsized_page.facts.unit_why.contains("states no size, so its units are pixels of 1/96 inch"));
+    for page in ["viewBox='0 0 100 100'", "viewBox='0 0 100 100' width='100%' height='100%'", ""] {
+        let reading = try_read(&format!("{HEAD}{page}>{rect}")).unwrap();
+        let notice = reading.facts.notices.iter().find(|notice| notice.code == "unit-assumed");
+        assert!(notice.is_some_and(|notice| notice.message.contains("pixels of 1/96 inch")), "{page}");
+    }
+    for page in ["width='100' height='100'", "width='40mm' viewBox='0 0 100 100'"] {
+        let reading = try_read(&format!("{HEAD}{page}>{rect}")).unwrap();
+        assert!(!codes(&reading.facts).contains(&"unit-assumed"), "{page}");
+    }
     let sized = PatternOptions::default().with_picture(RasterOptions::default().with_width(50.0));
+    let reading = read(format!("{HEAD}viewBox='0 0 100 100'>{rect}").as_bytes(), &sized).unwrap();
+    assert!(!codes(&reading.facts).contains(&"unit-assumed"));
     let reading = read(format!("{HEAD}width='100' height='100'>{rect}").as_bytes(), &sized).unwrap();
     near(extents(&reading), [5.0, 20.0, 20.0, 40.0]);
     assert!(reading.facts.unit_why.contains("the settings give its size"), "{}", reading.facts.unit_why);
@@ -647,7 +658,15 @@ fn programs_with_other_pixels_get_a_warning_with_the_other_size() {
     let of_illustrator = try_read(&format!("{comment}{HEAD}viewBox='0 0 72 72'>{rect}")).unwrap();
     let of_inkscape =
         try_read(&format!("{HEAD}inkscape:version='0.48.4 r9939' width='90' height='90'>{rect}")).unwrap();
-    for reading in [of_illustrator, of_inkscape] {
+    // Without its comment, Illustrator is known by what it alone writes.
+    let signs = [
+        "style='enable-background:new 0 0 72 72;'",
+        "enable-background='new 0 0 72 72'",
+        "x='0px' y='0px'",
+        "xmlns:i='http://ns.adobe.com/AdobeIllustrator/10.0/'",
+    ];
+    let by_signs = signs.map(|sign| try_read(&format!("{HEAD}{sign} viewBox='0 0 72 72'>{rect}")).unwrap());
+    for reading in [of_illustrator, of_inkscape].into_iter().chain(by_signs) {
         let notice = reading.facts.notices.iter().find(|notice| notice.code == "svg-pixels").unwrap();
         assert!(notice.message.contains("25.400 x 25.400 mm"), "{}", notice.message);
     }

@@ -2276,8 +2276,9 @@ const CODES: &[Code] = &[
         "The file does not state its unit reliably, so isomark chose one.",
         "The message gives the unit and why it was chosen. If it is a note, the choice is certain or usual; if it is a \
          warning, isomark guessed. A wrong unit makes the part or the drawing much too large or too small.",
-        "Check the size with `isomark inspect`. Set `unit` under [part] (`--part-unit`) for a part, or \
-         `unit_if_unitless` under [pattern] (`--pattern-unit`) for a drawing.",
+        "Check the size with `isomark inspect`. Set `unit` under [part] (`--part-unit`) for a part, \
+         `unit_if_unitless` under [pattern] (`--pattern-unit`) for a drawing, or `width_mm` under [pattern] (`--width`) for an SVG \
+         without a size.",
     ]),
     notice([
         "unit-pixels",

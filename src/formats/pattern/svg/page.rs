@@ -243,6 +243,13 @@ pub(super) fn page(
             format!("{page}: the file states no size, so its units are pixels of 1/96 inch")
         }
     };
+    if !is_scaled && unitless.is_none() && named.is_none() {
+        let message = format!(
+            "pixels of 1/96 inch assumed: the file states no size, so {page}; if this is wrong, give its width \
+             (`--width`, `width_mm` under [pattern]), or export with the width and height in mm"
+        );
+        notices.push(Notice::note("unit-assumed", message));
+    }
     let other = producer.filter(|_| in_pixels && !is_scaled && unitless.is_none()).and_then(other_resolution);
     if let (Some(dpi), Some(producer)) = (other, producer) {
         let [width, height] = [size.x, size.y].map(|side| side * 96.0 / dpi);
@@ -331,6 +338,15 @@ pub(super) fn producer(document: &Document<'_>) -> Option<String> {
             named.trim().split(", SVG Export").next().unwrap_or_default().chars().take(100).collect(),
         );
     }
-    let is_serif = document.root_element().namespaces().any(|space| space.uri().contains("serif.com"));
-    is_serif.then(|| "Affinity (recognised by its namespace)".into())
+    let is_of = |maker: &str| root.namespaces().any(|space| space.uri().contains(maker));
+    if is_of("serif.com") {
+        return Some("Affinity (recognised by its namespace)".into());
+    }
+    // Its comment may have been removed.
+    let is = |name: &str, value: &str| attribute(root, name).is_some_and(|text| text.trim() == value);
+    let has_background = attribute(root, "enable-background").is_some()
+        || attribute(root, "style").is_some_and(|style| style.contains("enable-background"));
+    let is_illustrator =
+        is_of("ns.adobe.com/AdobeIllustrator") || has_background || is("x", "0px") && is("y", "0px");
+    is_illustrator.then(|| "Adobe Illustrator (recognised by its attributes)".into())
 }
