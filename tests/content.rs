@@ -804,3 +804,27 @@ fn what_is_the_same_on_all_products_keeps_its_place() {
     let short = corner("serial=9");
     assert_eq!(short, corner("serial=123456789"));
 }
+
+/// The middle of the ink is that of its extents, measured in the corrected drawing on a plane.
+#[test]
+fn texts_of_fixed_length_are_placed_by_the_middle_of_what_is_marked() {
+    let desk = Desk::new();
+    desk.write("plate.obj", PLATE);
+    let middle = |words: &str, content: &[&str]| {
+        desk.write("label.dxf", dxf(&text("MARK", words)));
+        let options = [AS_DRAWN, &["--place", "7,9"], content].concat();
+        let (report, pattern) = corrected(&desk, &["plate.obj", "label.dxf"], &options);
+        let codes: Vec<&str> =
+            report["notices"].as_array().unwrap().iter().map(|n| n["code"].as_str().unwrap()).collect();
+        (pattern.extents().center().x, codes.contains(&"field-off-center"))
+    };
+    let dated = ["--content", "serial=17", "--date", "2026-11-27"];
+    let (x, is_noticed) = middle("{date:%d.%m.%Y} {serial:06}", &dated);
+    assert!((x - 7.0).abs() < 0.3 && !is_noticed, "{x}");
+    let other = ["--content", "serial=999999", "--date", "2029-10-30"];
+    let (x, is_noticed) = middle("{date:%d.%m.%Y} {serial:06}", &other);
+    assert!((x - 7.0).abs() < 0.3 && !is_noticed, "{x}");
+    // The text is 18 letters long, and the field 10: the middle is far to the right.
+    let (x, is_noticed) = middle("{csv:Name}", &["--content", "csv.Name=ABCDEFGHIJKLMNOPQR"]);
+    assert!(x > 12.0 && is_noticed, "{x}");
+}

@@ -109,19 +109,25 @@ impl Pipeline {
                 error => error.reason_for(input.name).into(),
             })?;
         content::check_fields(&facts, input.name).map_err(rejected)?;
-        let center = |pattern: &Pattern| pattern.extents().center().into();
+        let center = |pattern: &Pattern| FlatPoint::from(pattern.extents().center());
+        let mut notices = Vec::new();
         let anchor = match settings.placement.anchor {
             // Other values have other widths. What is the same on all products must have the same place.
             Anchor::Center if !facts.fields.is_empty() => {
-                let as_written = PatternOptions { content: None, ..options };
-                pattern::read(input.bytes, &as_written)
-                    .map_or_else(|_| center(&pattern), |as_written| center(&as_written.pattern))
+                let typical = Some(settings.content.values.typical());
+                let typical = PatternOptions { content: typical, ..options };
+                let anchor = pattern::read(input.bytes, &typical)
+                    .map_or_else(|_| center(&pattern), |typical| center(&typical.pattern));
+                let is_moved = Placing::new(anchor, settings).place != anchor;
+                notices.extend(
+                    Some(&pattern).filter(|_| is_moved).and_then(|pattern| off_center(pattern, anchor)),
+                );
+                anchor
             }
             Anchor::Center => center(&pattern),
             Anchor::Origin => FlatPoint::new(0.0, 0.0),
             Anchor::At(point) => point,
         };
-        let mut notices = Vec::new();
         let codes = content::draw_codes(&mut pattern, &settings.content, &mut notices).map_err(rejected)?;
         clock.lap("read pattern");
         steps.at(Step::Place);
@@ -196,6 +202,25 @@ impl PlacedPattern {
         let ink = if is_on_part(&marked, &part.surface) { &marked } else { &self.ink };
         checks::map_reason(error, self.placing.place, part, ink)
     }
+}
+
+/// The share of a drawing's larger side by which its middle may be beside the place that is stated for it.
+const OFF_CENTER: f64 = 0.1;
+
+/// Warns of a drawing whose middle is not that of the texts that all products share.
+fn off_center(pattern: &Pattern, anchor: FlatPoint) -> Option<Notice> {
+    let extents = pattern.extents();
+    let beside = extents.center() - anchor.coords();
+    let side = (extents.max - extents.min).max();
+    (beside.norm() > OFF_CENTER * side).then(|| {
+        let message = format!(
+            "the middle of what is marked is beside the stated place by x {:.2} and y {:.2} mm in the drawing's directions: texts with \
+             fields have other lengths on other products, and all products are placed by the same point; align these texts in \
+             the middle, or place the drawing by its origin (`anchor = \"origin\"` under [placement], `--anchor origin`)",
+            beside.x, beside.y
+        );
+        Notice::warning("field-off-center", message)
+    })
 }
 
 /// The placement of a drawing: its anchor, the anchor's place in the view, and the rigid motion between them.

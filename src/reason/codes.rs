@@ -425,6 +425,15 @@ const CODES: &[Code] = &[
         "If a value is meant, write the field as the message names it.",
     ]),
     notice([
+        "field-off-center",
+        "The middle of the mark is not at the stated place, because texts with fields have other lengths on other products.",
+        "All products are placed by the same point, so that what is the same on all of them has the same place. That is the middle \
+         of the drawing with the usual number of digits in dates and padded serial numbers, and with all other fields as they are \
+         written in the drawing.",
+        "Align texts with fields in the middle, or place the drawing by its origin (`--anchor origin`, `anchor = \"origin\"` under \
+         [placement]).",
+    ]),
+    notice([
         "field-scale",
         "The marking software's own scale is not true.",
         "On the calibrated plane, crosses are marked farther apart or nearer than they are drawn. With lens \

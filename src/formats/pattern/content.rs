@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::str::FromStr;
 
-use chrono::format::{Item, StrftimeItems};
+use chrono::format::{Item, Numeric, Pad, StrftimeItems};
 use chrono::{Datelike as _, NaiveDate, NaiveDateTime, NaiveTime};
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +44,16 @@ pub struct Content {
     pub shift: Option<String>,
     /// The row of a list: values by column.
     pub row: BTreeMap<String, String>,
+    /// Only fields that are equally long on all products have a value, which is the same on all of them.
+    pub(crate) is_typical: bool,
+}
+
+impl Content {
+    /// The same for all products: zeros for the digits of padded serial numbers and of dates of one length, and the SKU. Other
+    /// fields have no value.
+    pub(crate) fn typical(&self) -> Self {
+        Self { is_typical: true, ..self.clone() }
+    }
 }
 
 /// A date with a time of day, as a clock in the workshop shows it.
@@ -294,6 +304,10 @@ pub(crate) fn is_not_given(why: &str) -> bool {
 fn value(field: &str, content: &Content) -> Result<String, String> {
     let (name, argument) = field.split_once(':').map_or((field, None), |(name, rest)| (name, Some(rest)));
     let value = match (name, argument) {
+        ("serial" | "date", format) if content.is_typical => {
+            typical(name, format).ok_or("it is not equally long on all products")?
+        }
+        ("shift" | "csv", _) if content.is_typical => Err("it is not equally long on all products")?,
         ("serial", format) => serial(content.serial.ok_or("no serial number is given")?, format)?,
         ("date", format) => date(content.date.ok_or("no date is given")?, format.unwrap_or(USUAL_DATE))?,
         ("shift", None) => content.shift.clone().ok_or("no shift is given")?,
@@ -316,6 +330,25 @@ fn value(field: &str, content: &Content) -> Result<String, String> {
         Some(letter) => Err(format!("its value contains the control character U+{:04X}", u32::from(letter))),
         None => Ok(value),
     }
+}
+
+/// Zeros for the digits of a serial number or a date that has the same number of them on all products.
+fn typical(name: &str, format: Option<&str>) -> Option<String> {
+    if name == "serial" {
+        return serial(0, Some(format.filter(|format| format.starts_with('0'))?)).ok();
+    }
+    let format = format.unwrap_or(USUAL_DATE);
+    let is_fixed = |item| match item {
+        Item::Numeric(Numeric::NumDaysFromSun | Numeric::WeekdayFromMon, _) => true,
+        Item::Numeric(_, pad) => pad == Pad::Zero,
+        Item::Literal(_) | Item::Space(_) => true,
+        _ => false,
+    };
+    if !StrftimeItems::new(format).all(is_fixed) {
+        return None;
+    }
+    let text = date("2000-01-01".parse().ok()?, format).ok()?;
+    Some(text.chars().map(|letter| if letter.is_ascii_digit() { '0' } else { letter }).collect())
 }
 
 /// A serial number: `06` for six digits with zeros in front, `x` or `X` behind it for hexadecimal digits.
@@ -373,11 +406,25 @@ mod tests {
             date: Some("2026-11-23T14:05".parse().unwrap()),
             shift: Some("late".into()),
             row: [("LOT".to_owned(), "A7".to_owned()), ("100%".to_owned(), "a^b%%c{\\".to_owned())].into(),
+            is_typical: false,
         }
     }
 
     fn of(text: &str, syntax: Syntax) -> String {
         expand(text, syntax, Some(&content())).0
+    }
+
+    #[test]
+    fn typical_values_are_those_that_are_equally_long_on_all_products() {
+        for (text, expected) in [
+            ("{serial:06} {serial:04X}", "000000 0000"),
+            ("{date} {date:%d.%m.%y %H:%M}", "0000-00-00 00.00.00 00:00"),
+            ("{sku} {{sku}}", "can {sku}"),
+            ("{serial}{serial:x}{csv:LOT}{shift}", "{serial}{serial:x}{csv:LOT}{shift}"),
+            ("{date:%-d.%m.} {date:%B} {date:%e}", "{date:%-d.%m.} {date:%B} {date:%e}"),
+        ] {
+            assert_eq!(expand(text, Syntax::Plain, Some(&content().typical())).0, expected);
+        }
     }
 
     #[test]
