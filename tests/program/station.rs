@@ -330,6 +330,20 @@ fn settings_and_lists_belong_to_drawings_of_either_form_of_the_name() {
 }
 
 #[test]
+fn a_note_beside_the_drawings_is_rejected_and_holds_none_back() {
+    let station = Station::new();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.once();
+    station.desk.write("hot/can@note.txt", "Please finish these today.\nThanks, Anna\n");
+    station.once();
+    station.copy_into(&drawing("square"), "can@later.dxf");
+    let output = station.once();
+    assert_eq!(station.import(), ["can@later.dxf"], "{output:?}");
+    let reason = station.desk.text("rejected/can@note.txt.reason.txt");
+    assert!(reason.contains("If this is a note, keep it outside the hot folder"), "{reason}");
+}
+
+#[test]
 fn the_station_waits_for_slow_writers() {
     let mut station = Station::new();
     station.desk.write("station.toml", SETTINGS.replace("incomplete_s = 2", "incomplete_s = 60"));

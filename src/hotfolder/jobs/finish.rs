@@ -8,6 +8,7 @@ use super::filing::{Beside, Content, Original};
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, Work, delivery, filing, recovery};
 use crate::config::{DeliveryKind, Sku, Station};
 use crate::formats::Pace;
+use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::api::{Corrector, JobError};
 use crate::hotfolder::beamserver;
 use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
@@ -187,8 +188,14 @@ impl<C: Corrector> Executor<'_, C> {
         let bare = Original { path: &task.path, content, companions: &sidecars };
         let original = read.map_or(bare, |read| read.original(&task.path));
         let folders = &task.station.folders;
+        let is_note = is_note(&task.path, &reason);
+        if is_note {
+            reason.remedy += " If this is a note, keep it outside the hot folder; the drawings continue.";
+        }
         let part_of = match &task.work {
-            Work::Learn(sku) => guarded(|| Ok(self.corrector.knows(sku, &task.settings)))?.then_some(sku),
+            Work::Learn(sku) if !is_note => {
+                guarded(|| Ok(self.corrector.knows(sku, &task.settings)))?.then_some(sku)
+            }
             _ => None,
         };
         if let Work::Learn(sku) = &task.work
@@ -234,6 +241,14 @@ impl<C: Corrector> Executor<'_, C> {
         );
         Ok(Outcome::Rejected(reason))
     }
+}
+
+/// Whether a rejected file is a text that somebody wrote, such as `can@note.txt`, rather than a scan: its drawings need not wait
+/// for another one.
+fn is_note(path: &Path, reason: &Reason) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let is_text = MeshFormat::from_name(&name) == Some(MeshFormat::Xyz);
+    is_text && name.contains('@') && reason.code == "mesh-wrong-format"
 }
 
 /// Writes the report, unless it is written, and the pictures that are drawn.
