@@ -148,7 +148,7 @@ const HOMES: &[(&str, &[&str])] = &[
     ("tracing_subscriber", &["cli"]),
     ("notify", &["hotfolder"]),
     ("ctrlc", &["cli"]),
-    ("unicode_normalization", &["config"]),
+    ("unicode_normalization", &["config", "formats"]),
     ("clap", &["cli"]),
     ("annotate_snippets", &["cli"]),
     ("terminal_size", &["cli"]),

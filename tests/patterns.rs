@@ -301,6 +301,23 @@ fn drawings_with_nothing_to_mark_are_refused_with_the_likely_cause() {
     assert!(found.contains("1 3DFACE") && remedy.contains("outline"), "{found} {remedy}");
 }
 
+/// Unicode Standard Annex #15: `A` and U+0308 are the same text as `Ä`.
+#[test]
+fn accents_behind_letters_give_the_same_outlines_as_composed_letters() {
+    for kind in ["TEXT", "MTEXT"] {
+        let outlines = |words: &str| {
+            let text = format!(
+                "0\nSECTION\n2\nENTITIES\n0\n{kind}\n8\n0\n10\n0\n20\n0\n40\n3\n1\n{words}\n0\nENDSEC\n0\nEOF\n"
+            );
+            let reading = read(text.as_bytes(), &PatternOptions::default()).unwrap();
+            format!("{:?}", reading.pattern.paths.iter().map(|path| &path.shape).collect::<Vec<_>>())
+        };
+        let composed = outlines("K\\U+00C4SE \\U+00E7a");
+        assert!(composed.len() > 100);
+        assert_eq!(outlines("KA\\U+0308SE c\\U+0327a"), composed, "{kind}");
+    }
+}
+
 #[test]
 fn texts_are_drawn_and_replaced_fonts_are_reported() {
     let read = reading("ez-r2018-text");

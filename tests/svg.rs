@@ -650,6 +650,19 @@ fn rules_that_cannot_be_evaluated_are_named() {
     assert!(notice.message.contains("url(a.css)"), "{}", notice.message);
 }
 
+/// Unicode Standard Annex #15: `A` and U+0308 are the same text as `Ä`.
+#[test]
+fn accents_behind_letters_give_the_same_outlines_as_composed_letters() {
+    let outlines = |words: &str| {
+        let text = format!("{HEAD}width='40mm' height='20mm'><text x='5' y='15'>{words}</text></svg>");
+        format!(
+            "{:?}",
+            try_read(&text).unwrap().pattern.paths.iter().map(|path| &path.shape).collect::<Vec<_>>()
+        )
+    };
+    assert_eq!(outlines("KA\u{308}SE c\u{327}a"), outlines("K\u{c4}SE \u{e7}a"));
+}
+
 #[test]
 fn programs_with_other_pixels_get_a_warning_with_the_other_size() {
     let rect = "<rect width='36' height='36'/></svg>";

@@ -10,6 +10,7 @@ use std::sync::LazyLock;
 use ttf_parser::gpos::{PairAdjustment, PositioningSubtable};
 use ttf_parser::gsub::SubstitutionSubtable;
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
+use unicode_normalization::char::compose;
 
 use crate::geometry::pattern::{Segment, Shape};
 use crate::geometry::space::FlatPoint;
@@ -132,6 +133,11 @@ pub(super) fn substitute(asked: &str, is_family: bool) -> (Typeface, bool) {
             (Typeface::Outline, matches!(if is_family { &file } else { stem }, "dejavu sans" | "dejavusans"))
         }
     }
+}
+
+/// The one letter that a letter and an accent behind it are, such as `Ä` for `A` and U+0308, as some programs write it.
+pub(super) fn composed(letter: char, accent: char) -> Option<char> {
+    compose(letter, accent)
 }
 
 /// Whether a letter needs no shape: blanks of all widths, joiners and direction marks.
@@ -304,6 +310,17 @@ mod tests {
             }
         }
         assert!(Typeface::Outline.glyph('株').is_none() && Typeface::Outline.glyph('Ж').is_some());
+    }
+
+    /// Unicode Standard Annex #15: macOS writes accents behind their letters.
+    #[test]
+    fn accents_behind_letters_are_part_of_them() {
+        assert_eq!(
+            [('A', '\u{308}'), ('c', '\u{327}'), ('a', '\u{301}')]
+                .map(|(letter, accent)| composed(letter, accent)),
+            [Some('Ä'), Some('ç'), Some('á')]
+        );
+        assert_eq!(composed('A', 'B'), None);
     }
 
     /// The default-ignorable code points of Unicode.

@@ -8,7 +8,7 @@ use roxmltree::Node;
 
 use super::super::content::{FoundField, Syntax, expand};
 use super::super::error::PatternReadError;
-use super::super::font::{FontUses, Glyph, Typeface, draws_nothing, missing_letters, substitute};
+use super::super::font::{FontUses, Glyph, Typeface, composed, draws_nothing, missing_letters, substitute};
 use super::document::attribute;
 use super::style::{Anchor, Baseline, Decoration, LetterCase, Style, is_svg};
 use super::walk::{Context, Missing, Walk, unread_length};
@@ -384,6 +384,13 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
                 letter.shift[axis] = of(|positions| &positions.shift).unwrap_or(0.0);
             }
             self.positions.iter_mut().for_each(|positions| positions.next += 1);
+            if let Some(last) = self.letters.last_mut()
+                && let Some(char) = composed(last.char, char)
+            {
+                // An accent has no place of its own.
+                last.char = char;
+                continue;
+            }
             if letter.at.iter().any(Option::is_some)
                 && self.letters.last().is_some_and(|last| last.char == ' ')
             {

@@ -1,5 +1,6 @@
 //! The codes in texts: `%%c`, `^I`, and the formats of MTEXT.
 
+use super::super::super::font::composed;
 use super::super::code_page::CodePage;
 
 /// Lines under, over and through letters.
@@ -17,6 +18,17 @@ pub(super) struct Letter {
     pub(super) ruled: Ruled,
 }
 
+impl Letter {
+    /// Adds the letter to those before it, or its accent to the last of them.
+    pub(super) fn join(self, letters: &mut Vec<Self>) {
+        let last = letters.last_mut();
+        match last.and_then(|last| Some((composed(last.char, self.char)?, last))) {
+            Some((char, last)) => last.char = char,
+            None => letters.push(self),
+        }
+    }
+}
+
 /// The letters of a TEXT, with `%%` and `^` codes decoded.
 pub(super) fn letters(text: &str, code_page: CodePage) -> Vec<Letter> {
     let mut ruled = Ruled::default();
@@ -26,11 +38,11 @@ pub(super) fn letters(text: &str, code_page: CodePage) -> Vec<Letter> {
     while let Some(first) = rest.chars().next() {
         let (sign, length) = percent(rest, code_page);
         match sign {
-            Some(Sign::Letter(char)) => letters.push(Letter { char, ruled }),
+            Some(Sign::Letter(char)) => Letter { char, ruled }.join(&mut letters),
             Some(Sign::Under) => ruled.under = !ruled.under,
             Some(Sign::Over) => ruled.over = !ruled.over,
             Some(Sign::Through) => ruled.through = !ruled.through,
-            None => letters.push(Letter { char: first, ruled }),
+            None => Letter { char: first, ruled }.join(&mut letters),
         }
         rest = &rest[if sign.is_some() { length } else { first.len_utf8() }..];
     }

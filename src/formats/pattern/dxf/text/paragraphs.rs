@@ -289,7 +289,7 @@ fn set(
     let mut word: Vec<Letter> = Vec::new();
     for token in tokens {
         if let Token::Letter(char) = token {
-            word.push(Letter { char, ruled: format.ruled });
+            Letter { char, ruled: format.ruled }.join(&mut word);
             continue;
         }
         format.finish(&mut word, &mut cells, uses, budget)?;
@@ -394,8 +394,8 @@ impl Format {
         budget: &mut Budget,
     ) -> Result<Cell, String> {
         let mut row = |text: &str| {
-            let letters: Vec<Letter> =
-                text.chars().map(|char| Letter { char, ruled: Ruled::default() }).collect();
+            let mut letters = Vec::new();
+            text.chars().for_each(|char| Letter { char, ruled: Ruled::default() }.join(&mut letters));
             self.font.row(&letters, self.tracking, uses, budget)
         };
         let (upper, lower) = (row(upper)?, row(lower)?);
