@@ -25,7 +25,18 @@ pub struct ListError {
     pub line: Option<u64>,
     /// The column, if the error is about one.
     pub column: Option<String>,
+    /// What to do, as a sentence.
+    pub remedy: &'static str,
 }
+
+/// What to do about a row, or the row of names.
+const CORRECT: &str =
+    "Correct this row. The first row has the names of the columns, each other row a value for each column.";
+/// What to do about a list in another encoding.
+const SAVE_AS_UTF8: &str = "Save the list as CSV in UTF-8. In Excel, that is the file type `CSV UTF-8`.";
+
+/// What is wrong with a value, and what to do.
+type WrongText = (String, &'static str);
 
 /// A row of a list.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -88,7 +99,8 @@ impl<'b> List<'b> {
     /// # Errors
     /// When the file is too large, or its columns have no or equal names.
     pub fn new(bytes: &'b [u8]) -> Result<Self, ListError> {
-        let wrong = |what: String, column: Option<String>| ListError { what, line: Some(1), column };
+        let wrong =
+            |what: String, column: Option<String>| ListError { what, line: Some(1), column, remedy: CORRECT };
         if bytes.len() > LARGEST {
             return Err(wrong(
                 format!("the list has {} bytes, and at most {LARGEST} are allowed", bytes.len()),
@@ -125,8 +137,10 @@ impl<'b> List<'b> {
         }
         let mut columns: Vec<String> = Vec::with_capacity(record.len());
         for (index, name) in record.iter().enumerate() {
-            let name =
-                text(name).map_err(|what| wrong(format!("the name of column {} {what}", index + 1), None))?;
+            let name = text(name).map_err(|(what, remedy)| ListError {
+                remedy,
+                ..wrong(format!("the name of column {} {what}", index + 1), None)
+            })?;
             if name.is_empty() && index + 1 < record.len() {
                 return Err(wrong(format!("column {} has no name", index + 1), None));
             }
@@ -166,8 +180,12 @@ impl Iterator for List<'_> {
                 Ok(false) => return None,
                 Ok(true) => {}
                 Err(error) => {
-                    let error = ListError { what: error.to_string(), line: Some(line), column: None };
-                    return Some(Err(error));
+                    return Some(Err(ListError {
+                        what: error.to_string(),
+                        line: Some(line),
+                        column: None,
+                        remedy: CORRECT,
+                    }));
                 }
             }
             let is_open = ends_in_quotes(self.bytes, &self.reader, &self.record, self.separator);
@@ -181,6 +199,7 @@ impl Iterator for List<'_> {
                     what,
                     line: Some(line),
                     column: None,
+                    remedy: "Divide it into several lists.",
                 }));
             }
             let line = self.line();
@@ -188,7 +207,12 @@ impl Iterator for List<'_> {
             if is_open && row.is_ok() {
                 let column =
                     self.record.len().checked_sub(1).and_then(|last| self.columns.get(last)).cloned();
-                return Some(Err(ListError { what: OPEN_QUOTE.into(), line: Some(line), column }));
+                return Some(Err(ListError {
+                    what: OPEN_QUOTE.into(),
+                    line: Some(line),
+                    column,
+                    remedy: CORRECT,
+                }));
             }
             return Some(row);
         }
@@ -212,19 +236,32 @@ impl List<'_> {
             what,
             line: Some(line),
             column: column.cloned(),
+            remedy: CORRECT,
         };
         let mut values = BTreeMap::new();
         for (index, value) in self.record.iter().enumerate() {
             let column = self.columns.get(index);
-            let value = text(value).map_err(|what| wrong(format!("the value {what}"), column))?;
+            let value = text(value).map_err(|(what, remedy)| ListError {
+                remedy,
+                ..wrong(format!("the value {what}"), column)
+            })?;
             match column {
                 Some(column) if column.is_empty() && value.is_empty() => {}
                 Some(column) if !column.is_empty() => drop(values.insert(column.clone(), value)),
                 _ if value.is_empty() => {}
                 _ => {
-                    let columns = self.columns.len();
+                    let (values, columns) = (self.record.len(), self.columns.len());
+                    let columns = if columns == 1 { "1 column".into() } else { format!("{columns} columns") };
+                    let separator = if self.separator == b'\t' {
+                        "tab".into()
+                    } else {
+                        char::from(self.separator).to_string()
+                    };
                     return Err(wrong(
-                        format!("the row has more than {columns} values, one for each column"),
+                        format!(
+                            "the row has {values} values separated by `{separator}`, and the list {columns}; put a value \
+                             that contains the separator in double quotes"
+                        ),
                         None,
                     ));
                 }
@@ -268,15 +305,15 @@ fn ends_in_quotes(bytes: &[u8], reader: &csv::Reader<&[u8]>, record: &ByteRecord
 }
 
 /// A value as text.
-fn text(bytes: &[u8]) -> Result<String, String> {
+fn text(bytes: &[u8]) -> Result<String, WrongText> {
+    let wrong = |what: String| (what, CORRECT);
     if bytes.len() > LONGEST {
-        return Err(format!("has more than {LONGEST} bytes; a quote may be missing at its end"));
+        return Err(wrong(format!("has more than {LONGEST} bytes; a quote may be missing at its end")));
     }
-    let text =
-        std::str::from_utf8(bytes).map_err(|_| "is not UTF-8: save the list as CSV in UTF-8".to_owned())?;
+    let text = std::str::from_utf8(bytes).map_err(|_| ("is not UTF-8 text".to_owned(), SAVE_AS_UTF8))?;
     match text.chars().find(|letter| letter.is_control()) {
-        Some('\n' | '\r') => Err("contains a line break; a quote may be missing at its end".into()),
-        Some(letter) => Err(format!("contains the control character U+{:04X}", u32::from(letter))),
+        Some('\n' | '\r') => Err(wrong("contains a line break; a quote may be missing at its end".into())),
+        Some(letter) => Err(wrong(format!("contains the control character U+{:04X}", u32::from(letter)))),
         None => Ok(text.trim().to_owned()),
     }
 }
@@ -346,7 +383,8 @@ mod tests {
     fn rows_that_cannot_be_read_are_named() {
         for (text, words, line) in [
             (&b"A,B\n1\n"[..], "no value for this column", 2),
-            (b"A,B\n1,2\n1,2,3\n", "more than 2 values", 3),
+            (b"A,B\n1,2\n1,2,3\n", "the row has 3 values separated by `,`, and the list 2 columns", 3),
+            (b"A\n1,5\n", "the row has 2 values separated by `,`, and the list 1 column;", 2),
             (b"A\n\"x\ny\n", "line break; a quote may be missing", 2),
             (b"A\n\xff\n", "not UTF-8", 2),
             (b"A\nx\x07\n", "control character U+0007", 2),
@@ -354,6 +392,9 @@ mod tests {
             let error = rows(text).into_iter().find_map(Result::err).unwrap();
             assert!(error.what.contains(words), "{error}");
             assert_eq!(error.line, Some(line), "{error}");
+            let is_encoding = error.what.contains("UTF-8");
+            let remedy = if is_encoding { "Save the list as CSV in UTF-8" } else { "Correct this row" };
+            assert!(error.remedy.starts_with(remedy), "{error}: {}", error.remedy);
         }
         let open = [b"A\n\"".to_vec(), vec![b'x'; 20_000]].concat();
         assert!(rows(&open)[0].as_ref().unwrap_err().what.contains("quote may be missing"));

@@ -76,11 +76,8 @@ impl<'a> ListJob<'a> {
     /// The reason for a list or a row that cannot be read.
     #[must_use]
     pub fn unreadable(&self, error: &ListError) -> Reason {
-        let reason = Reason::new(
-            "list-unreadable",
-            format!("The list cannot be read: {error}."),
-            "Correct this row. The first row has the names of the columns, each other row a value for each column.",
-        );
+        let reason =
+            Reason::new("list-unreadable", format!("The list cannot be read: {error}."), error.remedy);
         let item = error.column.as_ref().map(|column| format!("column {column}"));
         reason.at(Place { file: Some(self.file.into()), line: error.line, item, ..Place::default() })
     }
