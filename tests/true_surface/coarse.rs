@@ -277,3 +277,68 @@ fn tubes_of_few_sides_with_exact_normals_are_round() {
     }
     assert!(failures.is_empty(), "{failures:#?}");
 }
+
+/// A plate of 90 by 50 mm with rounded corners, whose top is on a cylinder about an axis along it, as CAD kernels divide it: at its
+/// outline alone, which has vertices on the arcs of its corners and ends. Its middle is one rectangle. It leans along its axis by
+/// `turned`, rad.
+fn cambered_plate(radius: f64, corner: f64, is_hollow: bool, turned: f64) -> TriMesh {
+    const ARC: u32 = 8;
+    let way = if is_hollow { -1.0 } else { 1.0 };
+    let top = |y: f64| way * ((radius * radius - y * y).sqrt() - radius);
+    let inner = [45.0 - corner, 25.0 - corner];
+    let arc = |start: f64, side: f64| {
+        (0..=ARC).map(move |step| {
+            let angle = start + TAU / 4.0 * f64::from(step) / f64::from(ARC);
+            [inner[0] + corner * angle.cos(), side * inner[1] + corner * angle.sin()]
+        })
+    };
+    let mut end: Vec<[f64; 2]> = arc(-TAU / 4.0, -1.0).collect();
+    end.extend([-1.0, 1.0].map(|third| [45.0, third * inner[1] / 3.0]));
+    end.extend(arc(0.0, 1.0));
+    let outline = || end.iter().copied().chain(end.iter().map(|[x, y]| [-x, -y]));
+    let (sine, cosine) = turned.sin_cos();
+    let turn = |[x, y, z]: [f64; 3]| Point3::new(cosine * x - sine * z, y, sine * x + cosine * z);
+    let rim = outline().map(|[x, y]| turn([x, y, top(y)]));
+    let positions = rim.chain(outline().map(|[x, y]| turn([x, y, -12.0]))).collect();
+    let count = 2 * end.len() as u32;
+    let last = count / 2 - 1;
+    let mut triangles = vec![[0, last, last + 1], [0, last + 1, count - 1]];
+    for first in [0, last + 1] {
+        let mut add = |corners: [u32; 3]| triangles.push(corners.map(|index| first + index));
+        let (low, high) = (ARC, ARC + 3);
+        add([0, high - 1, last]);
+        add([0, low + 1, high - 1]);
+        add([0, low, low + 1]);
+        add([last, high - 1, high]);
+        (0..ARC - 1).for_each(|step| add([step, step + 1, low]));
+        (1..ARC).for_each(|step| add([high, high + step, high + step + 1]));
+    }
+    for index in 0..count {
+        let next = (index + 1) % count;
+        triangles.push([index, count + index, count + next]);
+        triangles.push([index, count + next, next]);
+    }
+    TriMesh::new(positions, Vec::new(), triangles).unwrap()
+}
+
+/// The rectangle in the middle is no flat side: it meets the facets beside it in chords of the cylinder.
+#[test]
+fn cambered_plates_that_are_divided_at_their_outline_are_round() {
+    let mut failures = Vec::new();
+    for (radius, corner) in [(300.0, 8.0), (500.0, 3.0), (500.0, 8.0), (500.0, 15.0), (1500.0, 8.0)] {
+        for (is_hollow, turned) in [(false, 0.0), (true, 0.0), (false, 0.07)] {
+            let mesh = cambered_plate(radius, corner, is_hollow, turned);
+            let way = if is_hollow { -1.0 } else { 1.0 };
+            let height = |x: f64, y: f64| {
+                let across = way * ((radius * radius - y * y).sqrt() - radius);
+                (across + x * f64::sin(turned)) / f64::cos(turned)
+            };
+            let name = format!("R {radius}, corners R {corner}, hollow: {is_hollow}, turned by {turned}");
+            let truth = check(&name, &mesh, height, &mut failures);
+            if truth > SLACK[0] {
+                failures.push(format!("{name}: {truth:.4}"));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}

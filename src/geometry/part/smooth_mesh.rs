@@ -2,6 +2,7 @@
 //! edge of the part, it has one vertex for each side.
 
 mod arcs;
+mod cambers;
 mod chains;
 mod creases;
 mod cylinders;

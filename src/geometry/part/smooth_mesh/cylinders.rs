@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::ends::{Straight, Surface, Surroundings, precision, rounding};
 use super::plane_facets::PlaneFacets;
-use super::round::{Plane, Round};
+use super::round::{Camber, Plane, Round};
 use super::settling::Settling;
 use super::{MOST_BEND, SmoothMesh};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, sliver_side, width};
@@ -21,11 +21,11 @@ use crate::geometry::fork::{Fork, found, look_ahead};
 use crate::geometry::shape_fit::cross_directions;
 
 /// Vertices at this many angles round the axis show a circle: three define it, and two confirm it.
-const LEAST_ANGLES: usize = 5;
+pub(super) const LEAST_ANGLES: usize = 5;
 /// Five vertices define a cylinder; by chance, five more are not on it.
-const LEAST_VERTICES: usize = 10;
+pub(super) const LEAST_VERTICES: usize = 10;
 /// Angles that differ by less than this, rad, are one.
-const SAME_ANGLE: f64 = 1e-3;
+pub(super) const SAME_ANGLE: f64 = 1e-3;
 /// The facets of a cylinder leave it by at least so many times what a vertex may be off. Short pieces of any smooth curve are arcs;
 /// on fine meshes, their normals are known well from the vertices round them, …
 const LEAST_BULGE: f64 = 50.0;
@@ -84,7 +84,7 @@ const CONTINUES_FLAT: f64 = 0.75;
 const SAME_NORMAL: f64 = 1e-3;
 
 /// The facets of a mesh that are on one cylinder or cone.
-struct Group {
+pub(super) struct Group {
     round: Round,
     /// Its vertices may be off by this, mm.
     near: f64,
@@ -92,6 +92,14 @@ struct Group {
     most: f64,
     /// In the order in which they are found.
     triangles: Vec<usize>,
+}
+
+impl Group {
+    /// Those of these triangles, whose vertices are on a cylinder within `near`, mm.
+    pub(super) fn of(mesh: &SmoothMesh, round: Round, near: f64, triangles: Vec<usize>) -> Self {
+        let most = triangles.iter().map(|&triangle| bulge_on(mesh, &round, triangle)).fold(0.0, f64::max);
+        Self { round, near, most, triangles }
+    }
 }
 
 /// The triangles of cylinders and cones that have their normals.
@@ -121,10 +129,12 @@ impl Rounds {
 
 /// Replaces normals that are `estimated` by those of the cylinders and cones that their vertices show, and their `deviations` by 0;
 /// those of cones are as exact as those of a file, and not estimated any more. At an edge that the facets beyond show, they get
-/// vertices of their own. Vertices on their chords move onto them. `written` are the positions as the file states them.
+/// vertices of their own. Vertices on their chords move onto them. `written` are the positions as the file states them, `cambers` are
+/// known.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     written: &[Point3<f64>],
+    cambers: &[Camber],
     estimated: &mut Vec<bool>,
     deviations: &mut Vec<f64>,
     fork: &dyn Fork,
@@ -135,9 +145,10 @@ pub(super) fn settle(
     }
     let near = precision(mesh);
     let mut is_known = vec![false; count];
-    let mut groups = certain_groups(mesh, estimated, near, &mut is_known, fork);
-    // What rounding hides is looked for last: it asks for facets that leave the part farther.
     let rounding = rounding(written);
+    let mut groups = groups_of(mesh, cambers, near.max(rounding), &mut is_known, fork);
+    groups.extend(certain_groups(mesh, estimated, near, &mut is_known, fork));
+    // What rounding hides is looked for last: it asks for facets that leave the part farther.
     if rounding > near {
         groups.extend(certain_groups(mesh, estimated, rounding, &mut is_known, fork));
     }
@@ -207,6 +218,29 @@ pub(super) fn settle(
         }
     }
     rounds
+}
+
+/// The groups of known cylinders, each with those of its vertices that are at edges, and whether it is hollow. Triangles of these are
+/// known (`is_known`) from then on.
+fn groups_of(
+    mesh: &SmoothMesh,
+    cambers: &[Camber],
+    near: f64,
+    is_known: &mut [bool],
+    fork: &dyn Fork,
+) -> Vec<(Group, Vec<u32>, bool)> {
+    if cambers.is_empty() {
+        return Vec::new();
+    }
+    let surroundings = Surroundings::of(mesh, near, fork);
+    let of_camber = |camber: &Camber| {
+        let group = Group::of(mesh, camber.cylinder, near, camber.triangles.clone());
+        group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
+        let at_edges = surroundings.at_edges(&OnMesh { mesh, group: &group });
+        let is_hollow = mesh.is_hollow(&group);
+        (group, at_edges, is_hollow)
+    };
+    cambers.iter().map(of_camber).collect()
 }
 
 /// The cylinders of which the vertices, which may be off by `near`, mm, leave no doubt, each with those of its vertices that are at
@@ -289,9 +323,9 @@ impl SmoothMesh {
 }
 
 /// A group with its mesh.
-struct OnMesh<'a> {
-    mesh: &'a SmoothMesh,
-    group: &'a Group,
+pub(super) struct OnMesh<'a> {
+    pub(super) mesh: &'a SmoothMesh,
+    pub(super) group: &'a Group,
 }
 
 impl OnMesh<'_> {
@@ -647,12 +681,12 @@ impl Search<'_> {
 }
 
 /// The middle of a triangle.
-fn middle(corners: [Point3<f64>; 3]) -> Point3<f64> {
+pub(super) fn middle(corners: [Point3<f64>; 3]) -> Point3<f64> {
     Point3::from(corners.iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0)
 }
 
 /// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
-fn bulge_on(mesh: &SmoothMesh, round: &Round, triangle: usize) -> f64 {
+pub(super) fn bulge_on(mesh: &SmoothMesh, round: &Round, triangle: usize) -> f64 {
     let [a, b, c] = mesh.corners(triangle).0;
     let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
     middles.map(|middle| round.distance(&middle).abs()).into_iter().fold(0.0, f64::max)

@@ -3,12 +3,14 @@
 use nalgebra::{Point3, Vector3};
 
 use super::arcs::{self, NEGLIGIBLE_BEND};
+use super::cambers;
 use super::creases::{Facing, Steps, matters};
 use super::cylinders;
 use super::ends::{self, precision};
 use super::hidden_arcs;
 use super::long_sides;
 use super::plane_polygons;
+use super::round::Camber;
 use super::sections::Facets;
 use super::spheres;
 use super::strips;
@@ -63,6 +65,21 @@ enum Meeting {
     Sharp,
 }
 
+/// What is known of a mesh.
+#[derive(Default)]
+struct Known {
+    /// Sides that are edges of the part, in ascending order.
+    edges: Vec<Facing>,
+    /// Facets without edges between them.
+    cambers: Vec<Camber>,
+}
+
+impl Known {
+    fn is_nothing(&self) -> bool {
+        self.edges.is_empty() && self.cambers.is_empty()
+    }
+}
+
 /// The mesh without triangles that have two corners at one place; `None` if there are none.
 fn without_collapsed(mesh: &TriMesh) -> Option<TriMesh> {
     let is_kept = |&triangle: &[u32; 3]| {
@@ -115,7 +132,8 @@ impl SmoothMesh {
     /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; where arcs
     /// of different radii meet, those that the arcs lead to (`arcs`); at right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
     /// in its fillet, those that the narrow ones lead to (`flats`). The sides of cylinders and extruded strips are estimated without what is
-    /// beyond their ends (`cylinders`, `strips`, `plane_curve`, `free_outlines`); those of balls follow from all their vertices (`spheres`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
+    /// beyond their ends (`cylinders`, `strips`, `plane_curve`, `free_outlines`); those of balls follow from all their vertices (`spheres`), and so do
+    /// those of shallow cylinders (`cambers`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
     /// Where the file has no normals, they do not depend on how plane polygons were cut (`plane_polygons`).
     /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
@@ -127,11 +145,11 @@ impl SmoothMesh {
         if mesh.is_facetted() {
             return Self::of_facets(mesh, view);
         }
-        Self::with_edges(mesh, view, &[], fork)
+        Self::with_known(mesh, view, &Known::default(), fork)
     }
 
-    /// The same, in which some sides, in ascending order, are edges of the part.
-    fn with_edges(mesh: &TriMesh, view: &View, known_edges: &[Facing], fork: &dyn Fork) -> Self {
+    /// The same, of which something is known.
+    fn with_known(mesh: &TriMesh, view: &View, known: &Known, fork: &dyn Fork) -> Self {
         let positions: Vec<_> = mesh.positions().iter().map(|&position| view.point(position)).collect();
         let given: Vec<_> = mesh.normals().iter().map(|&normal| view.vector(normal)).collect();
         let mut places = places_of(mesh.triangles(), &positions);
@@ -176,7 +194,7 @@ impl SmoothMesh {
             if opposite[side] == NONE || other < side {
                 return Meeting::None;
             }
-            if known_edges.binary_search(&[side as u32, opposite[side]]).is_ok() {
+            if known.edges.binary_search(&[side as u32, opposite[side]]).is_ok() {
                 return Meeting::Sharp;
             }
             let (here, there) = (side / 3, other / 3);
@@ -242,7 +260,8 @@ impl SmoothMesh {
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
         let turn_of_prism = if only_shades { TURN_OF_SHADED_PRISM } else { TURN_OF_PRISM };
         let steps_between = Steps { facets, places: &places, steps: &steps, edges: &sharp, turn_of_prism };
-        let creases = steps_between.creases(fork);
+        let mut creases = steps_between.creases(fork);
+        creases.retain(|&crease| !known.cambers.iter().any(|camber| camber.has(crease)));
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
         let hidden = hidden_arcs::found(&facets, &creases);
         cut(&mut opposite, &creases);
@@ -282,12 +301,23 @@ impl SmoothMesh {
             cones: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals(fork);
-        let rounds = cylinders::settle(&mut smooth, mesh.positions(), &mut estimated, &mut deviations, fork);
+        let cambers = &known.cambers;
+        let written = mesh.positions();
+        let rounds = cylinders::settle(&mut smooth, written, cambers, &mut estimated, &mut deviations, fork);
         let is_round = &rounds.is_cylinder;
         let edges = spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round, fork);
-        // Flat sides that are cut from spheres are only known together with these.
-        if known_edges.is_empty() && !edges.is_empty() {
-            return Self::with_edges(mesh, view, &edges, fork);
+        // Flat sides that are cut from spheres are only known together with these, and cambers only where they are not.
+        if known.is_nothing() {
+            let (steps, creases, estimated) = (&steps, &creases, &estimated);
+            let cambers = cambers::found(
+                &smooth,
+                &cambers::Shown { steps, creases, estimated, is_round, written },
+                fork,
+            );
+            let known = Known { edges, cambers };
+            if !known.is_nothing() {
+                return Self::with_known(mesh, view, &known, fork);
+            }
         }
         smooth.trust(is_round, &mut deviations);
         let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden, fork);

@@ -32,6 +32,21 @@ pub(super) enum Round {
     Cone(Cone),
 }
 
+/// The facets of a mesh that are on a shallow cylinder.
+#[derive(Debug, Clone)]
+pub(super) struct Camber {
+    pub(super) cylinder: Round,
+    /// In ascending order.
+    pub(super) triangles: Vec<usize>,
+}
+
+impl Camber {
+    /// Whether two facing sides are between two of its facets.
+    pub(super) fn has(&self, facing: [u32; 2]) -> bool {
+        facing.iter().all(|side| self.triangles.binary_search(&(*side as usize / 3)).is_ok())
+    }
+}
+
 impl Round {
     /// The cylinder on which the points are, within `near`, mm, and to which facets with these planes belong.
     pub(super) fn cylinder(
@@ -64,6 +79,16 @@ impl Round {
         }
         let found = fitted_cylinder(shape_fit::MAX_STEPS, &points, close);
         is_within(&found, near).then_some(Self::Cylinder(found))
+    }
+
+    /// The cylinder on which the points are, within `near`, mm, and whose axis runs about in a direction.
+    pub(super) fn cylinder_about(
+        axis: Unit<Vector3<f64>>,
+        points: &[Point3<f64>],
+        near: f64,
+    ) -> Option<Self> {
+        let found = fitted_cylinder(shape_fit::MAX_STEPS, points, circle_about(axis, points)?);
+        points.iter().all(|point| found.distance(point).abs() <= near).then_some(Self::Cylinder(found))
     }
 
     /// The cone from which a fit to facets with these planes may begin: with the axis of the circle on which the normals of a cone
