@@ -426,7 +426,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "field-off-center",
-        "The middle of the mark is not at the stated place, because texts with fields have other lengths on other products.",
+        "The middle of a mark with fields is not at the stated place.",
         "All products are placed by the same point, so that what is the same on all of them has the same place. That is the middle \
          of the drawing with the usual number of digits in dates and padded serial numbers, and with all other fields as they are \
          written in the drawing.",

@@ -312,7 +312,7 @@ fn settings_and_lists_belong_to_drawings_of_either_form_of_the_name() {
     station.desk.write("hot/can/x.dxf", fs::read(drawing("square")).unwrap());
     let output = station.once();
     for name in ["d", "e", "f"] {
-        let text = station.desk.text(&format!("reports/can/can@{name}.report.json"));
+        let text = station.desk.text(&format!("reports/can/can@{name}.svg.report.json"));
         let report: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(report["placement"]["rotate_deg"], 90.0, "{name}: {output:?}");
     }
