@@ -83,14 +83,21 @@ pub struct Uncertain {
 /// Samples the paths of a drawing on layers for which `is_marked` is true (given the layer's name) for the quality results, with
 /// [`PIECE`] and [`SQUARE`] or, in small drawings, as close as the cells of their map need it.
 pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
-    isometric::several_in_cell(|factor| Ink::sample(pattern, &is_marked, factor * PIECE, factor * SQUARE))
+    isometric::several_in_cell(|factor| {
+        Ink::sample(pattern, &is_marked, factor * PIECE, part_of_square(factor))
+    })
 }
 
 /// The same without the areas inside outlines that nothing fills: there, a laser marks only the lines.
 pub fn sample_as_marked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
     isometric::several_in_cell(|factor| {
-        Ink::sample_as_marked(pattern, &is_marked, factor * PIECE, factor * SQUARE)
+        Ink::sample_as_marked(pattern, &is_marked, factor * PIECE, part_of_square(factor))
     })
+}
+
+/// The side of squares that are smaller by at least a factor and divide [`SQUARE`] evenly, mm: what the large ones cover exactly, they do, too.
+fn part_of_square(factor: f64) -> f64 {
+    SQUARE / (1.0 / factor).ceil()
 }
 
 /// Measures a map on a part. `ink` should be from [`sample`]; `height` returns the height of
