@@ -695,7 +695,7 @@ fn a_shape_on_the_command_line_has_no_sku() {
     let desk = Desk::new();
     desk.write("plate.obj", PLATE);
     desk.write("label.dxf", dxf(&text("MARK", "{sku}")));
-    let shape = ["--cylinder", "60,100"];
+    let shape = ["--cylinder", "60,100", "--place", "0,0"];
     run(&desk, &["label.dxf"], &shape).refused(1, &["content-missing", "no SKU is given", "--sku"]);
     assert_eq!(run(&desk, &["label.dxf"], &[&shape[..], &["--sku", "can"]].concat()).code, 0);
     let (report, _) = corrected(&desk, &["plate.obj", "label.dxf"], AS_DRAWN);
