@@ -283,19 +283,12 @@ fn certain_groups(
             if search.visits == 0 {
                 return false;
             }
-            // By chance, one strip can show a cylinder of two facets: three parallel lines are always on one.
-            let certain = shown.into_iter().find_map(|shown| {
-                let group = search.group_at(triangle, shown, seen)?;
-                if !search.turns_enough(&group) {
-                    return None;
-                }
-                group.triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
-                let on_mesh = OnMesh { mesh, group: &group };
-                let is_certain = !on_mesh.is_twisted_side() && surroundings.confirm(&on_mesh, &mut around);
-                is_certain.then_some(group)
-            });
-            if let Some(group) = certain {
-                let on_mesh = OnMesh { mesh, group: &group };
+            let Some(group) = search.group_at(triangle, shown, seen) else { return true };
+            let on_mesh = OnMesh { mesh, group: &group };
+            if search.turns_enough(&group)
+                && !on_mesh.is_twisted_side()
+                && surroundings.confirm(&on_mesh, &mut around)
+            {
                 group.triangles.iter().for_each(|&triangle| seen.is_known[triangle] = true);
                 let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
                 groups.push((group, at_edges, is_hollow));
@@ -506,25 +499,28 @@ impl Search<'_> {
         tries.map(shown).collect()
     }
 
-    /// The facets on the cylinder of a triangle, if a strip round it shows one.
-    fn group_at(&mut self, triangle: usize, shown: Shown, seen: &mut Seen<'_>) -> Option<Group> {
-        let mut group = self.start_at(&shown)?;
-        for _ in 0..ROUNDS {
-            let mut triangles = self.grown(&group, triangle, seen);
-            self.visits = self.visits.saturating_sub(triangles.len());
-            let points = self.some_points(&triangles, Some(&group.round));
-            let round = group.round.fitted(&points, self.near);
-            let bulges = triangles.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle));
-            let most = bulges.map(|bulge| bulge * (1.0 + SAME_BULGE)).fold(group.most, f64::max);
-            let next = Group { round, most, triangles: Vec::new(), ..group };
-            let mut facets_on = FacetsOn::of(self, &next, self.near, &mut seen.facets);
-            triangles.retain(|&triangle| facets_on.has(triangle));
-            if triangles.len() <= group.triangles.len() {
-                break;
+    /// The facets on the cylinder of a triangle, if one of the strips round it shows one.
+    fn group_at(&mut self, triangle: usize, shown: Vec<Shown>, seen: &mut Seen<'_>) -> Option<Group> {
+        shown.into_iter().find_map(|shown| {
+            let mut group = self.start_at(&shown)?;
+            for _ in 0..ROUNDS {
+                let mut triangles = self.grown(&group, triangle, seen);
+                triangles.iter().for_each(|&triangle| seen.is_tried[triangle] = true);
+                self.visits = self.visits.saturating_sub(triangles.len());
+                let points = self.some_points(&triangles, Some(&group.round));
+                let round = group.round.fitted(&points, self.near);
+                let bulges = triangles.iter().map(|&triangle| bulge_on(self.mesh, &round, triangle));
+                let most = bulges.map(|bulge| bulge * (1.0 + SAME_BULGE)).fold(group.most, f64::max);
+                let next = Group { round, most, triangles: Vec::new(), ..group };
+                let mut facets_on = FacetsOn::of(self, &next, self.near, &mut seen.facets);
+                triangles.retain(|&triangle| facets_on.has(triangle));
+                if triangles.len() <= group.triangles.len() {
+                    break;
+                }
+                group = Group { triangles, ..next };
             }
-            group = Group { triangles, ..next };
-        }
-        (group.triangles.len() >= REACHES[1]).then_some(group)
+            (group.triangles.len() >= REACHES[1]).then_some(group)
+        })
     }
 
     /// The cylinder or cone that a strip of a triangle shows, without facets.
