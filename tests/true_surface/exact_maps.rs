@@ -169,7 +169,7 @@ fn cylinders_that_end_in_cones_are_recognised_beside_their_edge() {
         [[20.0, 30.0, 30.0], [20.0, 40.0, 50.0], [10.0, 60.0, 25.0], [4.0, 60.0, 15.0], [15.0, 20.0, 60.0]]
     {
         for tip in [0.0, 0.01, 0.1, 1.0] {
-            for sectors in [16, 24, 30, 36, 48, 64, 100] {
+            for sectors in [16, 24, 30, 36, 48, 64] {
                 if is_too_fine(tip, sectors) {
                     continue;
                 }
