@@ -227,8 +227,9 @@ impl ConfigError {
             Self::NoSkuFiles { source, .. } => {
                 format!("The folder of the SKU files cannot be listed: {source}.")
             }
-            Self::Twice { other, .. } => format!(
-                "It is for the same SKU as {}: the names differ only in case, or in how accents are composed.",
+            Self::Twice { file, other } => format!(
+                "Two settings files are for the same SKU, {} and {}: their names differ only in case, or in how accents are composed.",
+                file.display(),
                 other.display()
             ),
             Self::BeingSaved { .. } => "The settings may still be written.".into(),
