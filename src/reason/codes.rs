@@ -1722,6 +1722,15 @@ const CODES: &[Code] = &[
         "Check the disk, the network and the computer's memory, then try again. If the same drawing is refused \
          again, it is a defect in isomark: keep the drawing and report it.",
     ]),
+    reason([
+        "result-of-another",
+        "The result would replace that of another drawing in the import folder.",
+        "A result has the name of its drawing with the ending .dxf: `can@logo.dxf` and `can@logo.svg` both become \
+         `can@logo.dxf`. The result of the first is still in the import folder, and replacing it would lose a mark that \
+         its designer knows as delivered.",
+        "Rename one of the drawings. If the new one replaces the other, remove the result of the other from the import folder, \
+         then drop the new one again.",
+    ]),
     notice([
         "rotary-as-layers",
         "The tiles of a mark round the part are layers, because a station delivers one file for each drawing.",

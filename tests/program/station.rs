@@ -329,6 +329,33 @@ fn settings_and_lists_belong_to_drawings_of_either_form_of_the_name() {
     assert_eq!(files(&station.path("hot")), ["can/can@y.csv", "can/y.dxf"]);
 }
 
+/// Drawings that differ in their endings alone have results of one name.
+#[test]
+fn the_result_of_another_drawing_is_not_replaced() {
+    let station = Station::new();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.copy_into(&drawing("abc"), "can@logo.dxf");
+    station.once();
+    let first = station.desk.read("import/can@logo.dxf");
+    let svg = "<svg xmlns='http://www.w3.org/2000/svg' width='20mm' height='10mm' viewBox='0 0 20 10'>\
+               <rect x='1' y='4' width='18' height='2' fill='none' stroke='black'/></svg>";
+    station.desk.write("hot/can@logo.svg", svg);
+    let output = station.once();
+    assert_eq!(station.desk.read("import/can@logo.dxf"), first, "{output:?}");
+    let reason = station.desk.text("rejected/can@logo.svg.reason.txt");
+    assert!(reason.contains("the result of another drawing, can@logo.dxf"), "{reason}");
+    // A new version of the first one replaces its result.
+    station.copy_into(&drawing("square"), "can@logo.dxf");
+    let output = station.once();
+    assert_ne!(station.desk.read("import/can@logo.dxf"), first, "{output:?}");
+    // Where the first result is gone, nothing is lost.
+    fs::remove_file(station.path("import/can@logo.dxf")).unwrap();
+    station.desk.isomark(&["retry", "station.toml", "--rejected"]);
+    let output = station.once();
+    assert_eq!(station.import(), ["can@logo.dxf"], "{output:?}");
+    assert!(output.err.contains("can@logo.dxf now comes from can@logo.svg"), "{output:?}");
+}
+
 #[test]
 fn a_note_beside_the_drawings_is_rejected_and_holds_none_back() {
     let station = Station::new();

@@ -263,6 +263,9 @@ impl<C: Corrector> Executor<'_, C> {
             self.corrector.correct(sku, &read.file, previous.as_deref(), &drawing.settings, task.pace)
         })?;
         drawing.result.result = delivery::hash_of(&made.drawing);
+        if let Some(previous) = previous.as_deref().filter(|_| !was_delivered) {
+            drawing.keeps_results_of_others(previous)?;
+        }
         import_is_there()?;
         self.shares.are_there(folders, false)?;
         if part_arrived() {
@@ -296,6 +299,27 @@ impl Before {
 impl Correction<'_> {
     fn is_same_again(&self) -> bool {
         self.last.as_ref().is_some_and(|last| last.job.key == self.result.key)
+    }
+
+    /// Rejects the drawing if the one in the import folder, `previous`, is the result of a drawing with another name: nobody asked
+    /// to replace that, and its designer knows it as delivered.
+    fn keeps_results_of_others(&self, previous: &[u8]) -> Result<(), JobError> {
+        let Ready { task, name, .. } = self.ready;
+        let hash = delivery::hash_of(previous);
+        let is_of_another = |last: &&Delivered| {
+            last.job.result == hash
+                && last.job.result != self.result.result
+                && fold(&pattern_of(&last.job.drop)) != fold(&pattern_of(&task.drop))
+        };
+        let Some(last) = self.last.as_ref().filter(is_of_another) else { return Ok(()) };
+        let older = &last.job.drop;
+        let what = format!(
+            "The result would be {name}, which is in the import folder as the result of another drawing, {older}."
+        );
+        let remedy = format!(
+            "Rename this drawing, and drop it again. If it is the new version of {older}, remove {name} from the import folder first."
+        );
+        Err(JobError::Rejected(Reason::new("result-of-another", what, remedy)))
     }
 
     /// Logs the delivery, with warnings about anything unusual.
@@ -381,14 +405,18 @@ fn is_imported(task: &Task, last: &Delivered) -> bool {
 /// Whether two drops are the same; of a drawing that was corrected again from the archive, only the pattern's name is
 /// known.
 fn is_same_drop(a: &DropId, b: &DropId) -> bool {
-    let name = |drop: &DropId| match drop {
+    a == b || ((a.is_archived() || b.is_archived()) && fold(&pattern_of(a)) == fold(&pattern_of(b)))
+}
+
+/// The name of a drawing, with its ending.
+fn pattern_of(drop: &DropId) -> String {
+    match drop {
         DropId::Hot(path) => match meaning(Path::new(path)) {
             Ok(Meaning::Pattern { name, .. }) => name,
             _ => drop.file_name().to_owned(),
         },
         DropId::Archived { .. } => drop.file_name().to_owned(),
-    };
-    a == b || ((a.is_archived() || b.is_archived()) && fold(&name(a)) == fold(&name(b)))
+    }
 }
 
 /// Two different names, spelled so that the difference is visible: an accent may be a separate character.
