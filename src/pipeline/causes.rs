@@ -148,7 +148,7 @@ impl Cause {
             }
             Self::Crease(_) => "Place the drawing away from the edge.",
             Self::Facets(_) => {
-                "Export the part with a deviation of at most 0.05 mm, or from CAD as GLB, or apply the Subdivision modifier in Blender."
+                "Export the part from CAD as STEP or GLB, or with finer facets, or apply the Subdivision modifier in Blender."
             }
             Self::Curvature => "Make the drawing smaller, or split it into parts that are placed one by one.",
             Self::Detail(_) => {

@@ -612,7 +612,7 @@ mod tests {
         assert!(of_step.contains("within a few samples, which are 0.25 mm apart"), "{of_step}");
         assert!(!of_step.contains("facets") && !of_step.contains("deviation"), "{of_step}");
         let of_glb = warning(&facts_of(glb, MeshFormat::Glb));
-        assert!(of_glb.contains("facets are coarse") && of_glb.contains("a deviation of"), "{of_glb}");
+        assert!(of_glb.contains("facets are coarse") && of_glb.contains("a smaller deviation"), "{of_glb}");
         after.uncertain.length_error = 100.0;
         let refused =
             uncertain(&after, &facts_of(step, MeshFormat::Step), 0.25, &mut Vec::new()).unwrap_err();

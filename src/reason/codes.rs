@@ -392,8 +392,8 @@ const CODES: &[Code] = &[
          from those of a smooth surface, or the vertices scatter; the warning names which of these it is. The faces of a STEP file are exact, but \
          isomark takes samples of them, which round a sharp bend. The reported errors of lengths, areas \
          and angles contain this uncertainty (`uncertain` in the report), and here it is most of the length error.",
-        "Export the part as glTF from CAD, which contains the normals of the true surface, and with a deviation of 0.05 mm. \
-         In Blender, apply the Subdivision modifier; where the normals lean, use Mesh > Normals > Reset Vectors, or set \
+        "Export the part from CAD as STEP, which contains the exact surfaces, or as glTF, which contains their normals; other meshes with \
+         finer facets. In Blender, apply the Subdivision modifier; where the normals lean, use Mesh > Normals > Reset Vectors, or set \
          `normals = \"estimate\"`. A scan needs less noise or more points. On a STEP file place the drawing away from the bend.",
     ]),
     notice([
@@ -414,7 +414,7 @@ const CODES: &[Code] = &[
          The warning is given where facets leave the surface further, or turn more, than CAD programs let them when they cut a \
          round face. `correct` gives it only if the surface under the drawing is not a plane.",
         "If the facets are meant as they are, set `normals = \"file\"` under [part] (`--normals file`), or `facets` if the file \
-         has no normals. If the part is round, export it with smooth shading, from CAD as GLB, or with a deviation of 0.05 mm; \
+         has no normals. If the part is round, export it from CAD as STEP or GLB, with smooth shading, or with finer facets; \
          `normals = \"estimate\"` confirms that it is round.",
     ]),
     notice([
@@ -1356,8 +1356,8 @@ const CODES: &[Code] = &[
         "The file has no normals, or normals that only repeat or average the flat facets. isomark estimates the \
          curved surface from the neighbouring facets. With coarse meshes this is less accurate than the exact \
          normals of a CAD export.",
-        "Export from CAD as GLB, which contains the exact normals, or with a smaller deviation, if the lengths \
-         must be more accurate.",
+        "Export from CAD as STEP, which contains the exact surfaces, as GLB, which contains their normals, or with a smaller \
+         deviation, if the lengths must be more accurate.",
     ]),
     notice([
         "normals-missing",
@@ -2170,7 +2170,7 @@ const CODES: &[Code] = &[
         "The shape of the part under the drawing is not known well enough for true lengths.",
         "What the facets of a mesh or the noise of a scan leave unknown makes more than a tenth of the length of the drawing \
          uncertain. Usually a scan has too much noise, too few points or outliers, or a mesh is very coarse.",
-        "Scan with less noise and more points, or export the part from CAD as glTF with its normals. `isomark inspect` shows \
+        "Scan with less noise and more points, or export the part from CAD as STEP, or as glTF with its normals. `isomark inspect` shows \
          what was found.",
     ]),
     notice([

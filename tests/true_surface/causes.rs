@@ -119,8 +119,8 @@ fn coarse_facets_are_named_with_the_remedy_in_the_program_that_wrote_the_file() 
     let waist = obj(&Profile::waist(20.0, 20.0, 20.0, 24.0).revolved(30.0, 1.0, 22.5), &[]);
     for (comment, remedies) in [
         ("# Blender 4.2.1 LTS\n", ["apply the Subdivision modifier", "In Blender,"]),
-        ("# FreeCAD v0.21\n", ["a deviation of at most 0.05 mm", "glTF from CAD"]),
-        ("", ["a deviation of at most 0.05 mm", "in Blender, apply the Subdivision modifier"]),
+        ("# FreeCAD v0.21\n", ["as STEP, which has no facets", "as glTF with its normals"]),
+        ("", ["as STEP, which has no facets", "in Blender, apply the Subdivision modifier"]),
     ] {
         let bytes = [comment.as_bytes(), &waist].concat();
         let notices = marked(bytes, NormalsChoice::Auto, 5.0).unwrap();

@@ -397,7 +397,7 @@ impl NormalsFound {
             Self::Smooth => return None,
         };
         let message = format!(
-            "{found}, so the curvature between vertices is estimated; a GLB exported from CAD has exact normals"
+            "{found}, so the curvature between vertices is estimated; a STEP file has the exact surfaces, and a GLB from CAD the exact normals"
         );
         Some(Notice::note("normals-estimated", message))
     }

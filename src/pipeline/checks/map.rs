@@ -294,18 +294,18 @@ fn finer_facets(facts: &PartFacts) -> &'static str {
              smooth, too, and export the part again."
         }
         Some(producer) if producer.contains("Blender") => {
-            "In Blender, apply the Subdivision modifier and export the part again, or export the part from CAD as glTF with its \
-             normals."
+            "In Blender, apply the Subdivision modifier and export the part again, or export the part from CAD as STEP, which has \
+             no facets."
         }
         Some(producer) if CAD.iter().any(|name| producer.contains(name)) && has_normals => {
-            "Export the part with a deviation of at most 0.05 mm."
+            "Export the part as STEP, which has no facets, or with a smaller deviation."
         }
         Some(producer) if CAD.iter().any(|name| producer.contains(name)) => {
-            "Export the part as glTF from CAD with its normals, or with a deviation of at most 0.05 mm."
+            "Export the part as STEP, which has no facets, or as glTF with its normals."
         }
         _ => {
-            "Export the part from CAD as glTF with its normals, or with a deviation of at most 0.05 mm; in Blender, apply the \
-             Subdivision modifier."
+            "Export the part from CAD as STEP, which has no facets, or as glTF with its normals, or with finer facets; in Blender, \
+             apply the Subdivision modifier."
         }
     }
 }
