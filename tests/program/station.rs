@@ -362,12 +362,21 @@ fn a_note_beside_the_drawings_is_rejected_and_holds_none_back() {
     station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
     station.once();
     station.desk.write("hot/can@note.txt", "Please finish these today.\nThanks, Anna\n");
+    station.desk.write("hot/can/readme.txt", "Mark these on Friday.\n");
     station.once();
     station.copy_into(&drawing("square"), "can@later.dxf");
     let output = station.once();
     assert_eq!(station.import(), ["can@later.dxf"], "{output:?}");
-    let reason = station.desk.text("rejected/can@note.txt.reason.txt");
-    assert!(reason.contains("If this is a note, keep it outside the hot folder"), "{reason}");
+    for note in ["can@note.txt", "can/readme.txt"] {
+        let reason = station.desk.text(&format!("rejected/{note}.reason.txt"));
+        assert!(reason.contains("If this is a note, keep it outside the hot folder"), "{reason}");
+    }
+    // What was meant as the part holds them back.
+    station.desk.write("hot/can/can.txt", "Mark these on Friday.\n");
+    station.once();
+    station.copy_into(&drawing("square"), "can@last.dxf");
+    let output = station.once();
+    assert_eq!(station.import(), ["can@later.dxf"], "{output:?}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::Read;
 use super::filing::{Beside, Content, Original};
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, Work, delivery, filing, recovery};
-use crate::config::{DeliveryKind, Sku, Station};
+use crate::config::{DeliveryKind, Sku, Station, fold};
 use crate::formats::Pace;
 use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::api::{Corrector, JobError};
@@ -188,7 +188,7 @@ impl<C: Corrector> Executor<'_, C> {
         let bare = Original { path: &task.path, content, companions: &sidecars };
         let original = read.map_or(bare, |read| read.original(&task.path));
         let folders = &task.station.folders;
-        let is_note = is_note(&task.path, &reason);
+        let is_note = is_note(task, read, &reason);
         if is_note {
             reason.remedy += " If this is a note, keep it outside the hot folder; the drawings continue.";
         }
@@ -243,12 +243,19 @@ impl<C: Corrector> Executor<'_, C> {
     }
 }
 
-/// Whether a rejected file is a text that somebody wrote, such as `can@note.txt`, rather than a scan: its drawings need not wait
-/// for another one.
-fn is_note(path: &Path, reason: &Reason) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
+/// Whether a rejected file is a text that somebody wrote, such as `can@note.txt` or `can/readme.txt`, rather than a scan: its
+/// drawings need not wait for another one. A file with the name of the SKU is meant as its part, and one that is empty or has no text
+/// may have been a scan.
+fn is_note(task: &Task, read: Option<&Read>, reason: &Reason) -> bool {
+    let name = task.path.file_name().unwrap_or_default().to_string_lossy();
     let is_text = MeshFormat::from_name(&name) == Some(MeshFormat::Xyz);
-    is_text && name.contains('@') && reason.code == "mesh-wrong-format"
+    if !is_text || reason.code != "mesh-wrong-format" {
+        return false;
+    }
+    let Work::Learn(sku) = &task.work else { return false };
+    let stem = task.path.file_stem().unwrap_or_default().to_string_lossy();
+    let has_text = || read.is_some_and(|read| !read.file.bytes.is_empty() && !read.file.bytes.contains(&0));
+    name.contains('@') || fold(&stem) != sku.key() && has_text()
 }
 
 /// Writes the report, unless it is written, and the pictures that are drawn.
