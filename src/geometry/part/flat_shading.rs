@@ -393,7 +393,10 @@ impl Shading {
         let step = other.middle() - one.middle();
         // The arc over one of uneven facets turns by its share of the angle.
         let of_wider = if is_uneven { 2.0 * wide / (wide + narrow) } else { 1.0 };
-        let (bulge, is_convex) = (of_wider.powi(2) * step.norm() * angle / 8.0, one.normal.dot(&step) < 0.0);
+        // The arc is in the plane of both normals; along a strip, facets may be far from each other.
+        let axis = one.normal.cross(&other.normal).try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+        let chord = (step - axis * axis.dot(&step)).norm();
+        let (bulge, is_convex) = (of_wider.powi(2) * chord * angle / 8.0, one.normal.dot(&step) < 0.0);
         let turn = Turn { facets, width: widths[1], is_uneven, angle, of_wider, bulge, is_convex };
         (could_be_round && facets[0] != facets[1]).then_some(turn)
     }
@@ -413,18 +416,20 @@ mod tests {
 
     use super::*;
 
-    /// The facets of a cylinder with these widths in turn, rad, 60 mm long, without its ends.
-    fn strip(radius: f64, widths: [f64; 2]) -> TriMesh {
+    /// The facets of a cylinder with these widths in turn, rad, 60 mm long, each further along the axis than the one before by a `lead`,
+    /// mm, without the last one and the ends.
+    fn strip(radius: f64, widths: [f64; 2], lead: f64) -> TriMesh {
         let pairs = (TAU / (widths[0] + widths[1])).round() as u32;
         let angle = |index: u32| {
             let (pairs, own) = (index / 2, index % 2);
             f64::from(pairs) * (widths[0] + widths[1]) + f64::from(own) * widths[0]
         };
-        let at =
-            |index: u32, y: f64| Point3::new(radius * angle(index).sin(), y, radius * angle(index).cos());
+        let at = |index: u32, y: f64| {
+            Point3::new(radius * angle(index).sin(), y + lead * f64::from(index), radius * angle(index).cos())
+        };
         let positions = (0..2 * pairs).flat_map(|index| [-30.0, 30.0].map(|y| at(index, y))).collect();
-        let triangles = (0..2 * pairs).flat_map(|index| {
-            let (here, next) = (2 * index, 2 * ((index + 1) % (2 * pairs)));
+        let triangles = (0..2 * pairs - 1).flat_map(|index| {
+            let (here, next) = (2 * index, 2 * (index + 1));
             [[here, here + 1, next + 1], [here, next + 1, next]]
         });
         TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap()
@@ -432,16 +437,19 @@ mod tests {
 
     #[test]
     fn facets_of_two_widths_in_turn_may_be_round() {
-        for degrees in [[15.0, 5.0], [12.0, 4.0], [10.0, 10.0], [5.0, 15.0]] {
+        for (degrees, lead) in [[15.0, 5.0], [12.0, 4.0], [10.0, 10.0], [5.0, 15.0]]
+            .into_iter()
+            .flat_map(|degrees| [(degrees, 0.0), (degrees, 10.0)])
+        {
             let widths = degrees.map(f64::to_radians);
-            let open = OpenFacets::of(&strip(30.0, widths)).unwrap();
+            let open = OpenFacets::of(&strip(30.0, widths, lead)).unwrap();
             let most = open.roundings.iter().map(|rounding| rounding.bulge).fold(0.0, f64::max);
             let sagitta = 30.0 * (1.0 - (widths[0].max(widths[1]) / 2.0).cos());
-            assert!((most / sagitta - 1.0).abs() < 0.05, "{degrees:?}: {most} for {sagitta}");
+            assert!((most / sagitta - 1.0).abs() < 0.05, "{degrees:?}, {lead} mm: {most} for {sagitta}");
         }
         // A prism with chamfered edges, and flat sides with narrow fillets.
         for degrees in [[44.0, 16.0], [22.0, 2.0]] {
-            assert!(OpenFacets::of(&strip(30.0, degrees.map(f64::to_radians))).is_none(), "{degrees:?}");
+            assert!(OpenFacets::of(&strip(30.0, degrees.map(f64::to_radians), 0.0)).is_none(), "{degrees:?}");
         }
     }
 }
