@@ -6,6 +6,7 @@
 #![allow(clippy::print_stdout, reason = "prints the table of results")]
 
 mod bounds;
+mod cambers;
 mod decimated;
 mod edges;
 mod flat_shading;

@@ -15,6 +15,7 @@ mod plane_curve;
 mod plane_facets;
 mod plane_polygons;
 mod rings;
+mod rivals;
 mod round;
 mod scatter;
 mod sections;

@@ -5,15 +5,16 @@
 //! between two flat sides whose corners are on one cylinder runs along a line of it, as those of a prism and of a flat on a shaft do; one
 //! that leaves the cylinder between its ends is none if the facets on both sides of it, and enough others, have their corners there.
 
-use nalgebra::{Matrix2, Point3, SMatrix, SVector, Unit, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::creases::Facing;
 use super::cylinders::{Group, LEAST_ANGLES, LEAST_VERTICES, OnMesh, SAME_ANGLE, middle};
 use super::ends::{Surroundings, precision, rounding};
+use super::rivals::{Others, cylinders, mean_normal, others, squares};
 use super::round::{Camber, Round};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, sliver_side};
-use crate::geometry::fork::Fork;
+use crate::geometry::fork::{Fork, mapped};
 use crate::geometry::shape_fit::cross_directions;
 
 /// The first facets of a camber meet the two beside a chord at angles of at most so many times theirs.
@@ -30,20 +31,22 @@ const ON_LINE: f64 = 2.0;
 const MOST_TRIES: usize = 256;
 /// Facets from which a fit begins, at most.
 const MOST_FIRST: usize = 200;
-/// Points of which a cylinder is fitted, at most.
-const MOST_POINTS: usize = 400;
+/// Facets among which the largest round a side are looked for, at most.
+const MOST_AROUND: usize = 2000;
+/// Of the vertices that leave no doubt of a camber, what files state is this share of what a vertex may be off, root mean square, …
+const EXACT: f64 = 0.1;
+/// … or so many times the standard deviation of their rounding.
+const OF_ROUNDING: f64 = 3.0;
+/// A camber is looked for at sides whose length times the angle between their facets is at least this, mm.
+const LEAST_AT_STAKE: f64 = 0.016;
 /// Rounds in which a cylinder is fitted to the facets that it has gained.
 const ROUNDS: usize = 4;
 /// Meshes with more triangles are fine; a search would take long.
 const MOST_TRIANGLES: usize = 300_000;
-/// What points show of a paraboloid by less than this share of what they show best, they do not show.
-const DETERMINED: f64 = 1e-7;
 
 /// What a mesh shows of its facets.
 pub(super) struct Shown<'a> {
-    /// Sides at which facets meet at an angle that matters.
-    pub(super) steps: &'a [Facing],
-    /// Those of them that seem to be edges of the part.
+    /// Sides at which facets meet that seem to be edges of the part.
     pub(super) creases: &'a [Facing],
     /// For each vertex whether its normal is estimated.
     pub(super) estimated: &'a [bool],
@@ -55,7 +58,7 @@ pub(super) struct Shown<'a> {
 
 /// The cambers of a mesh that have a chord between facets that meet at an angle and are not known to be of a cylinder.
 pub(super) fn found(mesh: &SmoothMesh, shown: &Shown<'_>, fork: &dyn Fork) -> Vec<Camber> {
-    if shown.steps.is_empty() || mesh.triangles.len() > MOST_TRIANGLES {
+    if !shown.estimated.contains(&true) || mesh.triangles.len() > MOST_TRIANGLES {
         return Vec::new();
     }
     let near = precision(mesh).max(rounding(shown.written));
@@ -63,16 +66,22 @@ pub(super) fn found(mesh: &SmoothMesh, shown: &Shown<'_>, fork: &dyn Fork) -> Ve
         .map(|triangle| mesh.triangles[triangle].iter().all(|vertex| shown.estimated[*vertex as usize]))
         .collect();
     let is_round = |triangle: usize| shown.is_round.get(triangle).is_some_and(|is_round| *is_round);
-    let seed = |&facing: &Facing| {
-        let [one, other] = facing.map(|side| side as usize / 3);
-        if !is_open[one] || !is_open[other] || is_round(one) && is_round(other) {
+    let seed = |side: usize| {
+        let other = mesh.continued[side] as usize;
+        let [one, there] = [side, other].map(|side| side / 3);
+        if mesh.continued[side] == NONE || other < side || !is_open[one] || !is_open[there] {
             return None;
         }
-        let turn = facet_normal(mesh.corners(one).0).angle(&facet_normal(mesh.corners(other).0));
-        let [from, to] = mesh.ends(facing[0] as usize);
-        (turn < MOST_TURN / 2.0).then(|| (turn * (to - from).norm(), facing, turn))
+        seed_at(mesh, [side as u32, other as u32]).filter(|_| !(is_round(one) && is_round(there)))
     };
-    let mut seeds: Vec<(f64, Facing, f64)> = shown.steps.iter().filter_map(seed).collect();
+    let of_triangle = |triangle: usize| [0, 1, 2].map(|side| seed(3 * triangle + side));
+    let continued = mapped(fork, mesh.triangles.len(), of_triangle).into_iter().flatten().flatten();
+    let is_open_crease = |[side, other]: &&Facing| {
+        let [one, there] = [side, other].map(|side| *side as usize / 3);
+        is_open[one] && is_open[there] && !(is_round(one) && is_round(there))
+    };
+    let creases = shown.creases.iter().filter(is_open_crease).filter_map(|&facing| seed_at(mesh, facing));
+    let mut seeds: Vec<(f64, Facing, f64)> = continued.chain(creases).collect();
     if seeds.is_empty() {
         return Vec::new();
     }
@@ -81,58 +90,179 @@ pub(super) fn found(mesh: &SmoothMesh, shown: &Shown<'_>, fork: &dyn Fork) -> Ve
     for &[side, other] in shown.creases {
         (continued[side as usize], continued[other as usize]) = (other, side);
     }
-    let mut search = Search { mesh, near, is_open, continued, creases: shown.creases };
+    let is_tried = vec![false; mesh.triangles.len()];
+    let precise = precision(mesh);
+    let mut search = Search { mesh, near, precise, is_open, continued, creases: shown.creases, is_tried };
     let mut cambers: Vec<Camber> = Vec::new();
-    for (_, facing, turn) in seeds.into_iter().take(MOST_TRIES) {
+    for &(_, facing, turn) in seeds.iter().take(MOST_TRIES) {
         if facing.iter().any(|side| !search.is_open[*side as usize / 3]) {
             continue;
         }
-        let Some(camber) = search.at(facing, turn) else { continue };
+        let Some(camber) = search.at(facing, turn).or_else(|| search.round(facing, &seeds)) else { continue };
         camber.triangles.iter().for_each(|&triangle| search.is_open[triangle] = false);
         cambers.push(camber);
     }
     search.confirmed(cambers, fork)
 }
 
+/// A side at which facets meet at an angle, with its length times this, mm, and this, rad, if it would matter for a shallow face: that of
+/// a strip is much longer than its facets are wide.
+fn seed_at(mesh: &SmoothMesh, facing: Facing) -> Option<(f64, Facing, f64)> {
+    let [one, other] = facing.map(|side| facet_normal(mesh.corners(side as usize / 3).0));
+    let [from, to] = mesh.ends(facing[0] as usize);
+    let cosine = one.dot(&other);
+    let squared = (2.0 - 2.0 * cosine) * (to - from).norm_squared();
+    if squared < LEAST_AT_STAKE * LEAST_AT_STAKE || cosine < (MOST_TURN / 2.0).cos() {
+        return None;
+    }
+    let turn = one.angle(&other);
+    Some((turn * (to - from).norm(), facing, turn))
+}
+
 struct Search<'a> {
     mesh: &'a SmoothMesh,
     /// Vertices on a cylinder are this close to it, mm.
     near: f64,
+    /// The same where the file does not round them otherwise, mm.
+    precise: f64,
     /// For each triangle whether it may be of another camber.
     is_open: Vec<bool>,
     /// For each side the one that continues it, also across what seems to be an edge.
     continued: Vec<u32>,
     /// In ascending order.
     creases: &'a [Facing],
+    /// For each triangle whether it is one of the largest ones round a side that are on no cylinder.
+    is_tried: Vec<bool>,
 }
 
 impl Search<'_> {
     /// The camber of which a side between two facets that meet at an angle, rad, is a chord.
     fn at(&self, facing: Facing, turn: f64) -> Option<Camber> {
         let first = self.first(facing, turn);
-        let mut points = self.points(&first);
+        let points = self.mesh.corner_points(&first);
         if points.len() < LEAST_VERTICES {
             return None;
         }
-        let is_chord = |round: &Round| self.leaves(round, facing[0] as usize) >= LEAST_BULGE * self.near;
-        let of_axis = |axis| Round::cylinder_about(axis, &points, self.near).filter(is_chord);
-        let found: Vec<Round> = axes(&points, self.normal(&first)).into_iter().filter_map(of_axis).collect();
+        let is_chord = |round: &Round| self.is_chord(round, facing);
+        let mut found = cylinders(&points, mean_normal(self.mesh, &first), self.near);
+        found.retain(is_chord);
         // A face whose outline is on an ellipse may be on either of two cylinders.
-        let &[mut cylinder] = found.as_slice() else { return None };
+        let &[cylinder] = found.as_slice() else { return None };
+        let camber = self.whole(cylinder, facing[0] as usize / 3);
+        if !camber.has(facing) || !is_chord(&camber.cylinder) {
+            return None;
+        }
+        self.shown(camber)
+    }
+
+    /// The camber that the largest facets round a side show, if any of the `seeds` is a chord of it.
+    ///
+    /// The facets beside one chord often have too few corners, and those of a face are larger than those of the fillet round it.
+    fn round(&mut self, facing: Facing, seeds: &[(f64, Facing, f64)]) -> Option<Camber> {
+        if facing.iter().all(|side| self.is_tried[*side as usize / 3]) {
+            return None;
+        }
+        let largest = self.largest(facing);
+        let camber = self.through(&largest, seeds);
+        if camber.is_none() {
+            largest.iter().for_each(|&triangle| self.is_tried[triangle] = true);
+        }
+        camber
+    }
+
+    /// The camber through the corners of some facets.
+    fn through(&self, largest: &[usize], seeds: &[(f64, Facing, f64)]) -> Option<Camber> {
+        let points = self.mesh.corner_points(largest);
+        if points.len() < LEAST_VERTICES {
+            return None;
+        }
+        let from = *largest.first()?;
+        let found = cylinders(&points, mean_normal(self.mesh, largest), self.near);
+        found.into_iter().find_map(|cylinder| {
+            let camber = self.whole(cylinder, from);
+            let is_chord = |(_, seed, _): &(f64, Facing, f64)| {
+                camber.has(*seed) && self.is_chord(&camber.cylinder, *seed)
+            };
+            let points = self.mesh.corner_points(&camber.triangles);
+            let limit = (EXACT * self.precise).max(OF_ROUNDING * self.mesh.rounding);
+            let is_exact = || squares(&camber.cylinder, &points) <= limit * limit * points.len() as f64;
+            if !is_exact() || !seeds.iter().any(is_chord) {
+                return None;
+            }
+            self.shown(camber)
+        })
+    }
+
+    /// A camber, if its vertices show it, with the other one that they may be on as well.
+    fn shown(&self, camber: Camber) -> Option<Camber> {
+        if !self.is_shown(&camber) {
+            return None;
+        }
+        match others(self.mesh, &camber.cylinder, &camber.triangles, self.near) {
+            Others::None => Some(camber),
+            Others::Perhaps(rival) => Some(Camber { rival: Some(rival), ..camber }),
+            Others::Instead => None,
+        }
+    }
+
+    /// The camber of a cylinder from one of its facets on.
+    fn whole(&self, mut cylinder: Round, from: usize) -> Camber {
         let mut triangles = Vec::new();
         for _ in 0..ROUNDS {
-            let grown = self.grown(&cylinder, facing[0] as usize / 3);
+            let grown = self.grown(&cylinder, from);
             if grown.len() <= triangles.len() {
                 break;
             }
             triangles = grown;
-            points = self.points(&triangles);
-            cylinder = cylinder.fitted(&points, self.near);
+            cylinder = cylinder.fitted(&self.mesh.corner_points(&triangles), self.near);
         }
         triangles.retain(|&triangle| self.is_on(&cylinder, triangle));
         triangles.sort_unstable();
-        let camber = Camber { cylinder, triangles };
-        (camber.has(facing) && is_chord(&cylinder) && self.is_shown(&camber)).then_some(camber)
+        Camber { cylinder, triangles, rival: None }
+    }
+
+    fn is_chord(&self, round: &Round, facing: Facing) -> bool {
+        self.leaves(round, facing[0] as usize) >= LEAST_BULGE * self.near
+    }
+
+    /// The largest facets round a side that do not turn far from those beside it: so many that their corners can show a cylinder.
+    fn largest(&self, facing: Facing) -> Vec<usize> {
+        let seeds = facing.map(|side| side as usize / 3);
+        let normals = seeds.map(|triangle| facet_normal(self.mesh.corners(triangle).0));
+        let mut is_found = vec![false; self.is_open.len()];
+        seeds.iter().for_each(|&triangle| is_found[triangle] = true);
+        let mut around = seeds.to_vec();
+        let mut next = 0;
+        while next < around.len() && around.len() < MOST_AROUND {
+            for side in 3 * around[next]..3 * around[next] + 3 {
+                let there = self.continued[side] as usize / 3;
+                if self.continued[side] == NONE || !self.is_open[there] || is_found[there] {
+                    continue;
+                }
+                let corners = self.mesh.corners(there).0;
+                let turns_little =
+                    |normal: &Vector3<f64>| normal.angle(&facet_normal(corners)) < MOST_TURN / 2.0;
+                if sliver_side(corners).is_some() || normals.iter().any(turns_little) {
+                    is_found[there] = true;
+                    around.push(there);
+                }
+            }
+            next += 1;
+        }
+        let area = |triangle: usize| {
+            let [a, b, c] = self.mesh.corners(triangle).0;
+            (b - a).cross(&(c - a)).norm()
+        };
+        let mut by_area: Vec<(f64, usize)> =
+            around.into_iter().map(|triangle| (area(triangle), triangle)).collect();
+        by_area.sort_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
+        let by_area: Vec<usize> = by_area.into_iter().map(|(_, triangle)| triangle).collect();
+        // Two facets that share a side have four corners; each further one has one more at most.
+        let mut count = by_area.len().min(LEAST_VERTICES / 3);
+        while count < by_area.len() && self.mesh.corner_points(&by_area[..count]).len() < LEAST_VERTICES {
+            count += 1;
+        }
+        by_area[..count].to_vec()
     }
 
     /// The facets beside a side and those round them that meet one of both at about the same angle at most.
@@ -161,28 +291,6 @@ impl Search<'_> {
             }
         }
         found
-    }
-
-    /// The mean normal of facets by their areas.
-    fn normal(&self, triangles: &[usize]) -> Vector3<f64> {
-        let across = triangles.iter().map(|&triangle| {
-            let [a, b, c] = self.mesh.corners(triangle).0;
-            (b - a).cross(&(c - a))
-        });
-        across.sum::<Vector3<f64>>().try_normalize(0.0).unwrap_or_else(Vector3::z)
-    }
-
-    /// The different places of the corners of some triangles, evenly chosen if there are many.
-    fn points(&self, triangles: &[usize]) -> Vec<Point3<f64>> {
-        let corners = triangles.iter().flat_map(|&triangle| self.mesh.corners(triangle).0);
-        let mut points: Vec<Point3<f64>> = corners.collect();
-        points.sort_by(|one, other| {
-            let by = |axis: usize| one[axis].total_cmp(&other[axis]);
-            by(0).then(by(1)).then(by(2))
-        });
-        points.dedup_by(|next, kept| (*next - *kept).norm() <= WELD_DISTANCE);
-        let step = points.len().div_ceil(MOST_POINTS).max(1);
-        points.into_iter().step_by(step).collect()
     }
 
     /// How far a side leaves a cylinder in its middle, mm.
@@ -233,14 +341,14 @@ impl Search<'_> {
         }
         let mut whole = self.mesh.clone();
         whole.continued.clone_from(&self.continued);
-        for Camber { cylinder, triangles } in &cambers {
+        for Camber { cylinder, triangles, .. } in &cambers {
             for vertex in triangles.iter().flat_map(|&triangle| self.mesh.triangles[triangle]) {
                 whole.normals[vertex as usize] = cylinder.outward(&whole.positions[vertex as usize]);
             }
         }
         let surroundings = Surroundings::of(&whole, self.near, fork);
         let mut around = None;
-        let mut is_confirmed = |Camber { cylinder, triangles }: &Camber| {
+        let mut is_confirmed = |Camber { cylinder, triangles, .. }: &Camber| {
             let group = Group::of(&whole, *cylinder, self.near, triangles.clone());
             surroundings.confirm(&OnMesh { mesh: &whole, group: &group }, &mut around)
         };
@@ -248,9 +356,9 @@ impl Search<'_> {
     }
 
     /// Whether the vertices of a camber leave no doubt of its cylinder, and it is shallow.
-    fn is_shown(&self, Camber { cylinder, triangles }: &Camber) -> bool {
-        let points = self.points(triangles);
-        let outward = self.normal(triangles);
+    fn is_shown(&self, Camber { cylinder, triangles, .. }: &Camber) -> bool {
+        let points = self.mesh.corner_points(triangles);
+        let outward = mean_normal(self.mesh, triangles);
         let (first, _) = cross_directions(&cylinder.axis());
         let second = cylinder.axis().cross(&first);
         let middle = outward.dot(&second).atan2(outward.dot(&first));
@@ -268,36 +376,4 @@ impl Search<'_> {
         angles.dedup_by(|next, kept| *next - *kept < SAME_ANGLE);
         points.len() >= LEAST_VERTICES && angles.len() >= LEAST_ANGLES && whole <= MOST_TURN
     }
-}
-
-/// The directions that the axis of a shallow cylinder through points may have whose facets have a mean normal: the two principal
-/// directions of the paraboloid nearest to the points, the flatter one first.
-fn axes(points: &[Point3<f64>], normal: Vector3<f64>) -> Vec<Unit<Vector3<f64>>> {
-    let center =
-        Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64);
-    let reach = points.iter().map(|point| (point - center).norm()).fold(0.0, f64::max);
-    let (first, second) = cross_directions(&normal);
-    let (mut matrix, mut right) = (SMatrix::<f64, 6, 6>::zeros(), SVector::<f64, 6>::zeros());
-    for point in points {
-        let from = (point - center) / reach;
-        let (x, y) = (from.dot(&first), from.dot(&second));
-        let row = SVector::<f64, 6>::from([1.0, x, y, x * x, x * y, y * y]);
-        matrix += row * row.transpose();
-        right += row * from.dot(&normal);
-    }
-    let decomposed = matrix.svd(true, true);
-    let least = decomposed.singular_values.max() * DETERMINED;
-    let Ok(solution) = decomposed.solve(&right, least) else { return Vec::new() };
-    let [_, by_x, by_y, xx, xy, yy]: [f64; 6] = solution.into();
-    let bends = Matrix2::new(2.0 * xx, xy, xy, 2.0 * yy).symmetric_eigen();
-    let mut order = [0, 1];
-    order.sort_by(|&one, &other| bends.eigenvalues[one].abs().total_cmp(&bends.eigenvalues[other].abs()));
-    order
-        .into_iter()
-        .map(|index| {
-            let along = bends.eigenvectors.column(index);
-            let rise = along[0] * by_x + along[1] * by_y;
-            Unit::new_normalize(first * along[0] + second * along[1] + normal * rise)
-        })
-        .collect()
 }

@@ -11,6 +11,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::ends::{Straight, Surface, Surroundings, precision, rounding};
 use super::plane_facets::PlaneFacets;
+use super::rivals::{Others, apart, others};
 use super::round::{Camber, Plane, Round};
 use super::settling::Settling;
 use super::{MOST_BEND, SmoothMesh};
@@ -92,13 +93,15 @@ pub(super) struct Group {
     most: f64,
     /// In the order in which they are found.
     triangles: Vec<usize>,
+    /// Another one on which its vertices may be as well.
+    rival: Option<Round>,
 }
 
 impl Group {
     /// Those of these triangles, whose vertices are on a cylinder within `near`, mm.
     pub(super) fn of(mesh: &SmoothMesh, round: Round, near: f64, triangles: Vec<usize>) -> Self {
         let most = triangles.iter().map(|&triangle| bulge_on(mesh, &round, triangle)).fold(0.0, f64::max);
-        Self { round, near, most, triangles }
+        Self { round, near, most, triangles, rival: None }
     }
 }
 
@@ -109,6 +112,8 @@ pub(super) struct Rounds {
     pub(super) is_cylinder: Vec<bool>,
     /// Triangles, each with its cone.
     on_cones: Vec<(usize, Cone)>,
+    /// Triangles that may be of another surface as well: how far it is from theirs at most, mm, and how far its slope, rad.
+    pub(super) apart: Vec<(usize, f64, f64)>,
 }
 
 impl Rounds {
@@ -189,7 +194,7 @@ pub(super) fn settle(
             deviations.extend((!deviations.is_empty()).then_some(0.0));
         }
     }
-    let mut rounds = Rounds { is_cylinder: vec![false; count], on_cones: Vec::new() };
+    let mut rounds = Rounds { is_cylinder: vec![false; count], on_cones: Vec::new(), apart: Vec::new() };
     for (group, ..) in &groups {
         for &triangle in &group.triangles {
             let (corners, normals) = mesh.corners(triangle);
@@ -200,6 +205,10 @@ pub(super) fn settle(
                         || normal.cross(&group.round.outward(corner)).norm() < SAME_NORMAL
                 })
                 .collect::<Vec<_>>();
+            if let Some(rival) = &group.rival {
+                let (height, slope) = apart(mesh, [&group.round, rival], triangle);
+                rounds.apart.push((triangle, height, slope));
+            }
             let Round::Cone(cone) = group.round else {
                 rounds.is_cylinder[triangle] = !is_known.contains(&false);
                 continue;
@@ -234,7 +243,8 @@ fn groups_of(
     }
     let surroundings = Surroundings::of(mesh, near, fork);
     let of_camber = |camber: &Camber| {
-        let group = Group::of(mesh, camber.cylinder, near, camber.triangles.clone());
+        let mut group = Group::of(mesh, camber.cylinder, near, camber.triangles.clone());
+        group.rival = camber.rival;
         group.triangles.iter().for_each(|&triangle| is_known[triangle] = true);
         let at_edges = surroundings.at_edges(&OnMesh { mesh, group: &group });
         let is_hollow = mesh.is_hollow(&group);
@@ -283,12 +293,18 @@ fn certain_groups(
             if search.visits == 0 {
                 return false;
             }
-            let Some(group) = search.group_at(triangle, shown, seen) else { return true };
+            let Some(mut group) = search.group_at(triangle, shown, seen) else { return true };
+            if !search.turns_enough(&group) {
+                return true;
+            }
+            match others(mesh, &group.round, &group.triangles, near) {
+                Others::None => {}
+                Others::Perhaps(rival) => group.rival = Some(rival),
+                // What the vertices show instead is found with the cambers.
+                Others::Instead => return true,
+            }
             let on_mesh = OnMesh { mesh, group: &group };
-            if search.turns_enough(&group)
-                && !on_mesh.is_twisted_side()
-                && surroundings.confirm(&on_mesh, &mut around)
-            {
+            if !on_mesh.is_twisted_side() && surroundings.confirm(&on_mesh, &mut around) {
                 group.triangles.iter().for_each(|&triangle| seen.is_known[triangle] = true);
                 let (at_edges, is_hollow) = (surroundings.at_edges(&on_mesh), mesh.is_hollow(&group));
                 groups.push((group, at_edges, is_hollow));
@@ -543,7 +559,13 @@ impl Search<'_> {
             }
             _ => FLAT * usual,
         };
-        (usual >= shown.least_bulge).then(|| Group { round, near: self.near, most, triangles: Vec::new() })
+        (usual >= shown.least_bulge).then(|| Group {
+            round,
+            near: self.near,
+            most,
+            triangles: Vec::new(),
+            rival: None,
+        })
     }
 
     /// A triangle and some on both sides of it, along the direction of one of its sides.

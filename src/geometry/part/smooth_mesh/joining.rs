@@ -308,12 +308,9 @@ impl SmoothMesh {
         let edges = spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round, fork);
         // Flat sides that are cut from spheres are only known together with these, and cambers only where they are not.
         if known.is_nothing() {
-            let (steps, creases, estimated) = (&steps, &creases, &estimated);
-            let cambers = cambers::found(
-                &smooth,
-                &cambers::Shown { steps, creases, estimated, is_round, written },
-                fork,
-            );
+            let (creases, estimated) = (&creases, &estimated);
+            let cambers =
+                cambers::found(&smooth, &cambers::Shown { creases, estimated, is_round, written }, fork);
             let known = Known { edges, cambers };
             if !known.is_nothing() {
                 return Self::with_known(mesh, view, &known, fork);
@@ -335,6 +332,7 @@ impl SmoothMesh {
         of_turned.add_doubts(&mut smooth.slope_doubts, smooth.triangles.len());
         smooth.doubt_flat_shading(mesh);
         smooth.trust(is_round, &mut []);
+        smooth.doubt_rivals(&rounds.apart);
         smooth
     }
 
@@ -345,6 +343,19 @@ impl SmoothMesh {
         self.slope_doubts.resize(turns.len().max(self.slope_doubts.len()), 0.0);
         for (doubt, turn) in self.slope_doubts.iter_mut().zip(turns) {
             *doubt = doubt.max(turn / 12f32.sqrt());
+        }
+    }
+
+    /// Doubts triangles whose vertices may be on another surface as well, which is so far from theirs, mm and rad.
+    fn doubt_rivals(&mut self, apart: &[(usize, f64, f64)]) {
+        if apart.is_empty() {
+            return;
+        }
+        self.doubts.resize(self.triangles.len(), 0.0);
+        self.slope_doubts.resize(self.triangles.len(), 0.0);
+        for &(triangle, height, slope) in apart {
+            self.doubts[triangle] = self.doubts[triangle].max(height);
+            self.slope_doubts[triangle] = self.slope_doubts[triangle].max(slope as f32);
         }
     }
 

@@ -38,6 +38,8 @@ pub(super) struct Camber {
     pub(super) cylinder: Round,
     /// In ascending order.
     pub(super) triangles: Vec<usize>,
+    /// Another cylinder that its vertices may be on as well.
+    pub(super) rival: Option<Round>,
 }
 
 impl Camber {
