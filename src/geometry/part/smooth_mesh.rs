@@ -7,6 +7,7 @@ mod chains;
 mod creases;
 mod cylinders;
 mod ends;
+mod exact_normals;
 mod free_outlines;
 mod hidden_arcs;
 mod joining;

@@ -332,6 +332,9 @@ impl SmoothMesh {
         of_turned.add_doubts(&mut smooth.slope_doubts, smooth.triangles.len());
         smooth.doubt_flat_shading(mesh);
         smooth.trust(is_round, &mut []);
+        if !only_shades {
+            smooth.trust_exact_normals(&estimated, near, fork);
+        }
         smooth.doubt_rivals(&rounds.apart);
         smooth
     }
