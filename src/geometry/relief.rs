@@ -212,9 +212,7 @@ fn smooth_tile(surface: &FittedSurface, from: [usize; 2], to: [usize; 2]) -> Opt
             let difference = surface.differences()[here];
             relief.difference = relief.difference.max(difference.abs());
             relief.doubt = relief.doubt.max(surface.doubts().get(here).copied().unwrap_or(0.0));
-            if let Some(uncertainty) = surface.uncertainties().get(here) {
-                relief.uncertainty = relief.uncertainty.largest(*uncertainty);
-            }
+            relief.uncertainty = relief.uncertainty.largest(surface.uncertainty_of(here));
             let slope = |to: usize| (surface.differences()[to] - difference) / step;
             let right = if column + 1 < columns { slope(here + 1) } else { 0.0 };
             let up = if row + 1 < rows { slope(here + columns) } else { 0.0 };

@@ -12,8 +12,12 @@ use crate::geometry::pattern::Shape;
 use crate::geometry::regions::Regions;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 
-/// Only regions within so many steps of the height field from the rectangle of the drawing have an effect on its map.
-const STEPS_BESIDE: f64 = 2.0;
+/// Only regions within so many of the largest steps of the height field from the rectangle of the drawing have an effect on its map: as
+/// far as the spline swings beside a wall.
+const STEPS_BESIDE: f64 = 8.0;
+
+/// Those within so many of the smallest steps have the largest.
+const STEPS_NEAR: f64 = 2.0;
 
 /// Round the drawing, the surface determines the radius of a cylinder as far as this share of the drawing's longer side.
 const SHARE_BESIDE: f64 = 0.6;
@@ -89,17 +93,20 @@ impl LearnedPart {
     ) -> Option<Self> {
         let surface = &self.kept.surface;
         let extents = drawing.extents(settings);
-        let step = surface.field.step();
+        let beside = STEPS_BESIDE * whole.kept.surface.field.step();
         let regions = Regions::of(&surface.field);
-        let there = regions.within(&extents.grown(STEPS_BESIDE * step));
-        if !(2..=MOST_REGIONS).contains(&there.len()) {
+        let there = [beside, STEPS_NEAR * surface.field.step()]
+            .map(|beside| regions.within(&extents.grown(beside)))
+            .into_iter()
+            .find(|there| there.len() <= MOST_REGIONS)?;
+        if there.len() < 2 {
             return None;
         }
         let is_turned = settings.placement.align == Align::Axis || settings.rotary.tiles != Tiles::Off;
         let as_drawn = Visited::by(drawing, settings, &regions, |at| at.coords().into());
         let main = as_drawn.main()?;
         let first = if is_turned { main.clone() } else { as_drawn.marked()? };
-        let beside = (SHARE_BESIDE * extents.size().max()).max(STEPS_BESIDE * step);
+        let beside = beside.max(SHARE_BESIDE * extents.size().max());
         let within = extents.grown(beside);
         let only = |kept: &BTreeSet<u32>| {
             if there.iter().all(|region| kept.contains(region)) {

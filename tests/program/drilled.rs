@@ -174,3 +174,64 @@ fn beside_a_post_a_mesh_of_a_rod_is_unrolled_as_without_it() {
     desk.correct("rod.obj", "ring.dxf", options);
     assert_ring_is_true(&desk, 0.01);
 }
+
+/// A plate 3 mm thick, in mm, with a rectangle of 40 by 12 mm round (`shift`, 0) on its top that is higher or lower.
+fn stepped_plate([length, width]: [f64; 2], height: f64, shift: f64) -> String {
+    let rectangle = |[x, y]: [f64; 2], from: f64, z: f64| {
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[a, b]| [from + a * x / 2.0, b * y / 2.0, z])
+    };
+    let (outer, inner) = ([length, width], [40.0, 12.0]);
+    let rings = [
+        rectangle(outer, 0.0, 0.0),
+        rectangle(outer, 0.0, 3.0),
+        rectangle(inner, shift, 3.0),
+        rectangle(inner, shift, 3.0 + height),
+    ];
+    let mut obj = String::from("o plate\n");
+    for [x, y, z] in rings.as_flattened() {
+        let _ = writeln!(obj, "v {x} {y} {z}");
+    }
+    let quad = |corners: [u32; 4]| {
+        let [a, b, c, d] = corners;
+        format!("f {a} {b} {c}\nf {a} {c} {d}\n")
+    };
+    obj += &quad([4, 3, 2, 1]);
+    obj += &quad([13, 14, 15, 16]);
+    for ring in 0..3 {
+        for side in 0..4 {
+            let [here, next] = [side, (side + 1) % 4].map(|corner| 4 * ring + corner + 1);
+            obj += &quad([here, next, next + 4, here + 4]);
+        }
+    }
+    obj
+}
+
+/// A flat face is marked as drawn, however near the walls are.
+#[test]
+fn on_a_boss_and_in_a_recess_a_flat_face_is_true_up_to_its_walls() {
+    let desk = Desk::new();
+    for (size, heights) in [([80.0, 30.0], [0.3, 1.0, 2.0, -0.8]), ([300.0, 100.0], [0.5, 1.0, 5.0, -1.5])] {
+        for (height, shift) in heights.into_iter().zip([0.0, 0.13, 0.29, 0.07]) {
+            desk.write("plate.obj", stepped_plate(size, height, shift));
+            for gap in [0.4, 1.0, 2.0] {
+                let [x, y] = [20.0 - gap, 6.0 - gap];
+                let ladder: Vec<String> = (0..10)
+                    .map(|rung| shift - x + 2.0 * x * f64::from(rung) / 9.0)
+                    .map(|at| polyline(&[[at, -y], [at, y]]))
+                    .chain([-y, y].map(|y| polyline(&[[shift - x, y], [shift + x, y]])))
+                    .collect();
+                desk.write("ladder.dxf", dxf(&ladder.concat()));
+                let report =
+                    desk.correct("plate.obj", "ladder.dxf", "--part-unit mm --part-up z --align view");
+                let error = number(&report, "/quality/after/length_error_mm");
+                assert!(error < 0.002, "{size:?} {height} {shift} {gap}: {error} mm");
+                let marked = read(&desk.read("out.dxf"), &PatternOptions::default()).unwrap().pattern;
+                for point in marked.paths.iter().flat_map(|path| path.shape.flattened(1.0)) {
+                    let off = [(point.x - shift).abs() - x, point.y.abs() - y];
+                    assert!(off.iter().all(|off| *off < 0.002), "{size:?} {height} {gap}: {point:?}");
+                }
+            }
+        }
+    }
+}

@@ -7,7 +7,7 @@ use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
-use nalgebra::Point3;
+use nalgebra::{Point3, Rotation3, Unit, Vector3};
 
 use super::bounds::{SLACK, judged};
 
@@ -212,6 +212,59 @@ fn what_rounding_leaves_open_of_a_camber_is_in_the_report() {
                 if reported < truth - SLACK[0] {
                     failures.push(format!("{name}: {truth:.4} is reported as {reported:.4}"));
                 }
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// A plate of 80 by 50 mm on a sphere, in `cells` along each side, with exact normals; a fillet of 2 mm along both long sides is in
+/// narrow facets.
+fn on_sphere(radius: f64, cells: u32) -> TriMesh {
+    const FILLET: f64 = 2.0;
+    const STEPS: u32 = 4;
+    let across = |row: u32| {
+        if row < STEPS {
+            (-25.0, -TAU / 4.0 * f64::from(STEPS - row) / f64::from(STEPS))
+        } else if row > STEPS + cells {
+            (25.0, TAU / 4.0 * f64::from(row - STEPS - cells) / f64::from(STEPS))
+        } else {
+            (50.0 * (f64::from(row - STEPS) / f64::from(cells) - 0.5), 0.0)
+        }
+    };
+    let (mut positions, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 0..=cells + 2 * STEPS {
+        for column in 0..=cells {
+            let x = 80.0 * (f64::from(column) / f64::from(cells) - 0.5);
+            let (y, turn) = across(row);
+            let top = Point3::new(x, y, (radius * radius - x * x - y * y).sqrt() - radius);
+            let up = (top - Point3::new(0.0, 0.0, -radius)).normalize();
+            // About the direction of the rim.
+            let rim = Vector3::new(top.z + radius, 0.0, -x).normalize();
+            let normal = Rotation3::from_axis_angle(&Unit::new_normalize(-rim), turn) * up;
+            positions.push((top - up * FILLET + normal * FILLET).map(|value| f64::from(value as f32)));
+            normals.push(normal.map(|value| f64::from(value as f32)));
+            if row > 0 && column > 0 {
+                let d = row * (cells + 1) + column;
+                let b = d - cells - 1;
+                triangles.extend([[b - 1, b, d], [b - 1, d, d - 1]]);
+            }
+        }
+    }
+    TriMesh::new(positions, normals, triangles).unwrap()
+}
+
+/// Exact normals are of one sphere, beside the narrow facets of a fillet and on long ones.
+#[test]
+fn exact_normals_of_a_sphere_leave_no_doubt_beside_a_fillet() {
+    let mut failures = Vec::new();
+    for radius in [150.0, 300.0, 1000.0, 5000.0] {
+        for cells in [2, 4] {
+            let height = |x: f64, y: f64| (radius * radius - x * x - y * y).sqrt() - radius;
+            let [reported, truth] = errors(&on_sphere(radius, cells), height);
+            println!("sphere of R {radius} in {cells} cells: {reported:8.4} {truth:8.4}");
+            if reported < truth - SLACK[0] || reported > 1.2 * truth + SLACK[0] {
+                failures.push(format!("R {radius}, {cells} cells: {truth:.4} is reported as {reported:.4}"));
             }
         }
     }

@@ -19,6 +19,9 @@ use crate::geometry::space::{Extents, View, ViewPoint};
 /// lower (60° by default); the fit uses the surface between the two limits as a border.
 pub const STEEPEST_SURFACE: f64 = 75.0 * std::f64::consts::PI / 180.0;
 
+/// Nobody marks where the tangent of the angle between the normal and the laser's axis is larger (60°).
+const STEEPEST_MARKED: f64 = 1.732;
+
 /// Two sides of the part whose meshes are not joined continue each other where the difference of their heights is as
 /// their slopes predict, to within this share of the distance between nodes.
 const OFFSET: f64 = 0.1;
@@ -126,6 +129,8 @@ pub struct PartSamples {
     pub field: HeightField,
     /// For each node, whether an edge of the part is next to it: between two smooth sides, or at a cliff.
     pub is_at_edge: Vec<bool>,
+    /// For each node, whether a step is next to it: from one side that may be marked to another one at another height.
+    pub is_at_step: Vec<bool>,
     /// For each node, how far the part may be from its height, mm, where the part's normals contradict its facets;
     /// empty if they contradict nowhere.
     pub doubts: Vec<f64>,
@@ -337,14 +342,16 @@ impl<'f> FacingPart<'f> {
         });
         let heights = || {
             let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
-            self.mark_edges(&field, &hits, &mut is_at_edge);
+            let mut is_at_step = steps_at(&is_at_edge, grid, &hits);
+            self.mark_edges(&field, &hits, &mut is_at_edge, &mut is_at_step);
             self.mark_creases(&field, &mut is_at_edge);
-            (field, is_at_edge)
+            (field, is_at_edge, is_at_step)
         };
         let others = || (self.doubts(&hits), self.uncertainties(&hits), self.slopes(&hits));
-        let ((field, is_at_edge), (doubts, uncertainties, slopes)) = join(self.fork, heights, others);
+        let ((field, is_at_edge, is_at_step), (doubts, uncertainties, slopes)) =
+            join(self.fork, heights, others);
         let sides = hits.iter().map(|hit| hit.map(|(triangle, _)| self.side(triangle))).collect();
-        PartSamples { field, is_at_edge, doubts, uncertainties, slopes, sides, skins }
+        PartSamples { field, is_at_edge, is_at_step, doubts, uncertainties, slopes, sides, skins }
     }
 
     /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin.
@@ -521,8 +528,15 @@ impl<'f> FacingPart<'f> {
         self.mesh.regions.get(triangle as usize).copied().unwrap_or(triangle)
     }
 
-    /// Marks neighbouring nodes on two smooth sides of the part that do not continue each other.
-    fn mark_edges(&self, field: &HeightField, hits: &[Option<(u32, Hit)>], is_at_edge: &mut [bool]) {
+    /// Marks neighbouring nodes on two smooth sides of the part that do not continue each other, and those of them between which
+    /// there is a step.
+    fn mark_edges(
+        &self,
+        field: &HeightField,
+        hits: &[Option<(u32, Hit)>],
+        is_at_edge: &mut [bool],
+        is_at_step: &mut [bool],
+    ) {
         for_each_side(&field.grid, |first, second, step| {
             let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
             let is_surface = |node: usize| matches!(field.nodes[node], Node::Surface(_));
@@ -532,10 +546,13 @@ impl<'f> FacingPart<'f> {
             }
             let normal = |hit: &Hit| Vector3::new(-hit.gradient.x, -hit.gradient.y, 1.0).normalize();
             let climb = (a.gradient + b.gradient).dot(&step) / 2.0;
-            let is_smooth = normal(&a).dot(&normal(&b)) > NORMAL_TOLERANCE.cos()
-                && (b.height - a.height - climb).abs() < OFFSET * field.grid.step;
-            if !is_smooth {
+            let is_alike = normal(&a).dot(&normal(&b)) > NORMAL_TOLERANCE.cos();
+            let is_off = (b.height - a.height - climb).abs() >= OFFSET * field.grid.step;
+            if !is_alike || is_off {
                 (is_at_edge[first], is_at_edge[second]) = (true, true);
+            }
+            if is_alike && is_off && a.steepness() <= STEEPEST_MARKED {
+                (is_at_step[first], is_at_step[second]) = (true, true);
             }
         });
     }
@@ -643,6 +660,53 @@ impl HeightField {
     /// The position of a node.
     pub fn position(&self, column: usize, row: usize) -> ViewPoint {
         self.grid.position(column, row)
+    }
+
+    /// For each node of the smooth surface whether it is within so many steps of a wall along rows and columns; none if there are no
+    /// walls.
+    pub(crate) fn near_walls(&self, reach: usize) -> Vec<bool> {
+        let is_wall = |node: &Node| matches!(node, Node::Wall(_));
+        let mut near: Vec<bool> = self.nodes.iter().map(is_wall).collect();
+        if near.contains(&true) {
+            near = grown(&near, self.grid.columns, reach);
+        }
+        near.iter_mut().zip(&self.nodes).for_each(|(near, node)| *near &= matches!(node, Node::Surface(_)));
+        near
+    }
+
+    /// The slope at a node that follows from the heights of one or two nodes on one side of it along x, and of one side along y; of
+    /// several, those nearest to a slope. `None` where there are none.
+    pub(crate) fn gradient_beside(&self, node: usize, near: Vector2<f64>) -> Option<Vector2<f64>> {
+        let Grid { step, columns, rows, .. } = self.grid;
+        let here = match self.nodes[node] {
+            Node::Surface(height) => height,
+            Node::Empty | Node::Wall(_) => return None,
+        };
+        let (column, row) = (node % columns, node / columns);
+        let along = |at: usize, count: usize, apart: usize, near: f64| {
+            let height = |steps: isize| {
+                let place = at.checked_add_signed(steps).filter(|place| *place < count)?;
+                match self.nodes[node + place * apart - at * apart] {
+                    Node::Surface(height) => Some(height),
+                    Node::Empty | Node::Wall(_) => None,
+                }
+            };
+            let one_sided = [1, -1].into_iter().flat_map(|way: isize| {
+                let first = height(way);
+                let second = first.and(height(2 * way));
+                let along = step * way as f64;
+                [
+                    first.map(|first| (first - here) / along),
+                    first
+                        .zip(second)
+                        .map(|(first, second)| (4.0 * first - second - 3.0 * here) / (2.0 * along)),
+                ]
+            });
+            let both = height(-1).zip(height(1)).map(|(low, high)| (high - low) / (2.0 * step));
+            let found = one_sided.flatten().chain(both);
+            found.min_by(|one, other| (one - near).abs().total_cmp(&(other - near).abs()))
+        };
+        Some(Vector2::new(along(column, columns, 1, near.x)?, along(row, rows, columns, near.y)?))
     }
 
     /// All nodes on the smooth surface: (column, row, height in mm).
@@ -765,6 +829,50 @@ fn exact_hit(found: &[FaceHit]) -> (Option<(u32, Hit)>, Option<f64>) {
     // A normal along the view, of a wall, gives an infinite slope, whichever way it points.
     let gradient = -first.normal.xy() / first.normal.z;
     (Some((first.face, Hit { height: first.height, gradient, on_patch: true })), gap)
+}
+
+/// The nodes at a step, of those at a cliff: both sides of it may be marked, unlike those of an outline below which another part of
+/// the surface is seen.
+fn steps_at(is_at_cliff: &[bool], grid: &Grid, hits: &[Option<(u32, Hit)>]) -> Vec<bool> {
+    let mut is_at_step = vec![false; is_at_cliff.len()];
+    if !is_at_cliff.contains(&true) {
+        return is_at_step;
+    }
+    let is_level = |node: usize| hits[node].is_some_and(|(_, hit)| hit.steepness() <= STEEPEST_MARKED);
+    for_each_side(grid, |first, second, _| {
+        if is_at_cliff[first] && is_at_cliff[second] && is_level(first) && is_level(second) {
+            (is_at_step[first], is_at_step[second]) = (true, true);
+        }
+    });
+    is_at_step
+}
+
+/// The marked nodes and those within `reach` steps of them along rows and columns, in rows of `columns` nodes.
+pub(crate) fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
+    let rows = marked.len() / columns;
+    let along_rows = grown_along(marked, (rows, columns), (columns, 1), reach);
+    grown_along(&along_rows, (columns, rows), (1, columns), reach)
+}
+
+/// The same along lines of nodes only: `lines` and the nodes of each, and the distances in the list from line to line and from node
+/// to node.
+fn grown_along(
+    marked: &[bool],
+    (lines, nodes): (usize, usize),
+    (to_line, to_node): (usize, usize),
+    reach: usize,
+) -> Vec<bool> {
+    let mut grown = vec![false; marked.len()];
+    for line in 0..lines {
+        let mut done = 0;
+        for node in (0..nodes).filter(|node| marked[line * to_line + node * to_node]) {
+            for near in node.saturating_sub(reach).max(done)..(node + reach + 1).min(nodes) {
+                grown[line * to_line + near * to_node] = true;
+                done = near + 1;
+            }
+        }
+    }
+    grown
 }
 
 /// Visits every pair of nodes that are neighbours along x or y, with the step from the first to the second, mm.

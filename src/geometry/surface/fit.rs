@@ -11,7 +11,7 @@ use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
 use crate::geometry::fork::{Fork, InTurn, found, join, start};
 use crate::geometry::height_field::{
-    FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Slope, Uncertainty,
+    FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Slope, Uncertainty, grown,
 };
 use crate::geometry::normal_equations::{
     CellRow, CellSum, EquationRows, GridSolver, NormalEquations, SolveError,
@@ -33,6 +33,9 @@ const EDGE_REACH: usize = 1;
 
 /// The same at the cliffs of measured height fields, where nodes next to a cliff mix heights from both sides.
 const CLIFF_REACH: usize = 2;
+
+/// Within so many steps of a wall the spline may swing all the same.
+const SWING_REACH: usize = 8;
 
 /// Finer detail than the samples show is possible where the vertices are at most this many steps of the samples apart.
 const RESOLVED: f64 = 1.0;
@@ -104,6 +107,9 @@ pub struct FittedSurface {
     differences: Vec<f64>,
     doubts: Vec<f64>,
     uncertainties: Vec<Uncertainty>,
+    /// The nodes beside walls at which the surface has another slope than the heights on their side of the wall, in ascending order:
+    /// it swings where it passes from one height to another.
+    swings: Vec<(usize, Uncertainty)>,
     /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
     known: Vec<RoundForm>,
     windows: Vec<Window>,
@@ -314,28 +320,18 @@ impl FittedSurface {
 
     /// By how much the slope of the samples differs from that of the part, at the nodes where both are known.
     fn turns_between_samples(&self, slopes: &[Slope], fork: &dyn Fork) -> Vec<Turn> {
-        let (columns, rows) = self.field.size();
-        let step = self.field.step();
-        let is_surface = |node: usize| matches!(self.field.nodes()[node], Node::Surface(_));
+        // Beside a wall the surface of one side alone is used where it matters, and has the slope of the heights there.
+        let near_walls = self.field.near_walls(SWING_REACH);
         let turn = |node: usize| {
-            let (column, row) = (node % columns, node / columns);
-            if !is_surface(node) || column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
-                return None;
-            }
-            // At the end of the surface, what is between the nodes on one side of it.
-            let rise = |low: usize, high: usize| {
-                let ends = [low, high].map(|beside| if is_surface(beside) { beside } else { node });
-                let steps = ends.iter().filter(|end| **end != node).count();
-                let [low, high] = ends.map(|end| self.differences[end]);
-                (steps > 0).then(|| (high - low) / (steps as f64 * step))
-            };
             let known = slopes.get(node)?;
-            let between = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
-            let sampled = self.nurbs.gradient(self.field.position(column, row)) + between;
+            let sampled = match near_walls[node] {
+                true => self.field.gradient_beside(node, known.gradient)?,
+                false => self.sampled_gradient(node)?,
+            };
             let off = (tangent(sampled, known.gradient) - known.off).max(0.0);
             Some(Turn { node, off, steep: known.gradient.norm_squared() })
         };
-        found(fork, columns * rows, turn)
+        found(fork, slopes.len(), turn)
     }
 
     /// The surface with a doubt about its slope where the samples round a jump of the slope or of the curvature, as beside a
@@ -343,7 +339,7 @@ impl FittedSurface {
     fn doubted_between_samples(mut self, turns: Vec<Turn>, is_at_edge: &[bool]) -> Self {
         let (columns, rows) = self.field.size();
         let step = self.field.step();
-        let is_notable = |turn: &Turn| turn.off > NEGLIGIBLE_SLOPE * (1.0 + turn.steep).powi(3);
+        let is_notable = |turn: &Turn| is_notable(turn.off, turn.steep);
         if !turns.iter().any(is_notable) {
             return self;
         }
@@ -393,8 +389,55 @@ impl FittedSurface {
         });
         let residual = Residual::of(&field, &differences);
         let (doubts, uncertainties, known) = (Vec::new(), Vec::new(), Vec::new());
-        let (windows, sampled) = (Vec::new(), Vec::new());
-        Self { nurbs, field, residual, differences, doubts, uncertainties, known, windows, sampled }
+        let (windows, sampled, swings) = (Vec::new(), Vec::new(), Vec::new());
+        let surface = Self {
+            nurbs,
+            field,
+            residual,
+            differences,
+            doubts,
+            uncertainties,
+            swings,
+            known,
+            windows,
+            sampled,
+        };
+        Self { swings: surface.swings_beside_walls(), ..surface }
+    }
+
+    /// The nodes near walls at which the slope of the surface notably differs from that of the heights on their side of the wall.
+    fn swings_beside_walls(&self) -> Vec<(usize, Uncertainty)> {
+        let near = self.field.near_walls(SWING_REACH);
+        let step = self.field.step();
+        let swing = |node: usize| {
+            let (column, row) = (node % self.field.size().0, node / self.field.size().0);
+            let sampled = self.sampled_gradient(node)?;
+            let off = tangent(sampled, self.field.gradient_beside(node, sampled)?);
+            let steep = self.nurbs.gradient(self.field.position(column, row)).norm_squared();
+            let slope = (BETWEEN_NODES * off / Uncertainty::PEAK) as f32;
+            is_notable(off, steep).then(|| (node, Uncertainty { slope, height: (off * step / 4.0) as f32 }))
+        };
+        (0..near.len()).filter(|node| near[*node]).filter_map(swing).collect()
+    }
+
+    /// The slope between the nodes round one, as it follows from the surface and the heights that it misses; `None` at the border of the
+    /// field and where there is no surface.
+    fn sampled_gradient(&self, node: usize) -> Option<Vector2<f64>> {
+        let (columns, rows) = self.field.size();
+        let (column, row) = (node % columns, node / columns);
+        let is_surface = |node: usize| matches!(self.field.nodes()[node], Node::Surface(_));
+        if !is_surface(node) || column == 0 || row == 0 || column + 1 == columns || row + 1 == rows {
+            return None;
+        }
+        // At the end of the surface, what is between the nodes on one side of it.
+        let rise = |low: usize, high: usize| {
+            let ends = [low, high].map(|beside| if is_surface(beside) { beside } else { node });
+            let steps = ends.iter().filter(|end| **end != node).count();
+            let [low, high] = ends.map(|end| self.differences[end]);
+            (steps > 0).then(|| (high - low) / (steps as f64 * self.field.step()))
+        };
+        let between = Vector2::new(rise(node - 1, node + 1)?, rise(node - columns, node + columns)?);
+        Some(self.nurbs.gradient(self.field.position(column, row)) + between)
     }
 
     /// The surface with the doubts about each node of its field (see [`PartSamples::doubts`] and
@@ -429,19 +472,32 @@ impl FittedSurface {
         &self.doubts
     }
 
-    /// What is not known of the part, for each node; empty if it is known.
+    /// What is not known of the part, for each node; empty if it is known. The surface may swing beside walls, too
+    /// ([`uncertainty_of`](Self::uncertainty_of)).
     pub fn uncertainties(&self) -> &[Uncertainty] {
         &self.uncertainties
     }
 
+    /// What is not known of the part at a node, with what its surface has beside walls.
+    pub fn uncertainty_of(&self, node: usize) -> Uncertainty {
+        let known = self.uncertainties.get(node).copied().unwrap_or(Uncertainty::NONE);
+        match self.swings.binary_search_by_key(&node, |swing| swing.0) {
+            Ok(index) => known.largest(self.swings[index].1),
+            Err(_) => known,
+        }
+    }
+
     /// What is not known of the part: the largest values of the nodes round the point; nothing outside the field.
     pub fn uncertainty(&self, at: ViewPoint) -> Uncertainty {
-        if self.uncertainties.is_empty() {
+        if self.uncertainties.is_empty() && self.swings.is_empty() {
             return Uncertainty::NONE;
         }
         let Some((column, row, _)) = self.field.cell(at) else { return Uncertainty::NONE };
         let nodes = self.field.cell_nodes(column, row);
-        nodes.into_iter().map(|index| self.uncertainties[index]).fold(Uncertainty::NONE, Uncertainty::largest)
+        nodes
+            .into_iter()
+            .map(|index| self.uncertainty_of(index))
+            .fold(Uncertainty::NONE, Uncertainty::largest)
     }
 
     /// How far the part may be from its sampled height, mm: the largest doubt of the nodes round the point; 0 outside
@@ -716,39 +772,16 @@ fn heights_at_nodes(nurbs: &NurbsSurface, field: &HeightField) -> Vec<f64> {
     nurbs.heights_over(&xs, &ys)
 }
 
-/// The marked nodes and those within `reach` steps of them along rows and columns, in rows of `columns` nodes.
-fn grown(marked: &[bool], columns: usize, reach: usize) -> Vec<bool> {
-    let rows = marked.len() / columns;
-    let along_rows = grown_along(marked, (rows, columns), (columns, 1), reach);
-    grown_along(&along_rows, (columns, rows), (1, columns), reach)
-}
-
-/// The same along lines of nodes only: `lines` and the nodes of each, and the distances in the list from line to line and from node
-/// to node.
-fn grown_along(
-    marked: &[bool],
-    (lines, nodes): (usize, usize),
-    (to_line, to_node): (usize, usize),
-    reach: usize,
-) -> Vec<bool> {
-    let mut grown = vec![false; marked.len()];
-    for line in 0..lines {
-        let mut done = 0;
-        for node in (0..nodes).filter(|node| marked[line * to_line + node * to_node]) {
-            for near in node.saturating_sub(reach).max(done)..(node + reach + 1).min(nodes) {
-                grown[line * to_line + near * to_node] = true;
-                done = near + 1;
-            }
-        }
-    }
-    grown
-}
-
 /// The tangent of the angle between the normals of two slopes, at most that of the steepest surface.
 fn tangent(one: Vector2<f64>, other: Vector2<f64>) -> f64 {
     let [one, other] = [one, other].map(|slope| Vector3::new(-slope.x, -slope.y, 1.0));
     let lengths = (one.norm_squared() * other.norm_squared()).sqrt();
     one.cross(&other).norm() / one.dot(&other).max(STEEPEST_SURFACE.cos() * lengths)
+}
+
+/// Whether a difference of two slopes, rad, matters where the squared slope is `steep`.
+fn is_notable(off: f64, steep: f64) -> bool {
+    off > NEGLIGIBLE_SLOPE * (1.0 + steep).powi(3)
 }
 
 /// The 95th percentile.

@@ -5,9 +5,9 @@
 //! needs only the surface round the hole.
 
 use super::windows::covering;
-use super::{Data, FitError, FitOptions, FittedSurface, Window, grown};
+use super::{Data, FitError, FitOptions, FittedSurface, Window};
 use crate::geometry::fork::Fork;
-use crate::geometry::height_field::{HeightField, Node};
+use crate::geometry::height_field::{HeightField, Node, grown};
 use crate::geometry::space::ViewPoint;
 use crate::geometry::surface::knots::DEGREE;
 use crate::geometry::surface::nurbs::NurbsSurface;

@@ -10,8 +10,8 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
-use super::{Data, FittedSurface, NODES_PER_SPAN, Residual, Turn, Window, grown};
-use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, PartSamples, Uncertainty};
+use super::{Data, FittedSurface, NODES_PER_SPAN, Residual, Turn, Window};
+use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, PartSamples, Uncertainty, grown};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;
 
@@ -48,6 +48,10 @@ const SHORTEST: f64 = 0.25;
 
 /// Sides of the part of which most nodes are beside edges are not looked at if the nodes of the whole part are closer than this, mm.
 const CLOSE: f64 = 0.5;
+
+/// Beside a step the spans are halved until the nodes are closer than this, mm: drawings are marked as near as that to the
+/// walls of a recess.
+const CLOSE_TO_STEP: f64 = 0.2;
 
 /// The spans miss the part by far where they miss it by so many times what they may.
 const BY_FAR: f64 = 20.0;
@@ -114,7 +118,7 @@ impl KnownNode {
             node: surface.field.nodes()[node],
             difference: surface.differences[node],
             doubt: surface.doubts.get(node).copied().unwrap_or_default(),
-            uncertainty: surface.uncertainties.get(node).copied().unwrap_or(Uncertainty::NONE),
+            uncertainty: surface.uncertainty_of(node),
             is_sampled: surface.is_sampled(node),
         }
     }
@@ -520,6 +524,10 @@ impl FittedSurface {
             true => BTreeSet::new(),
             false => samples.narrow_sides(&near),
         };
+        let beside_step = match self.field.step() > CLOSE_TO_STEP {
+            true => grown(&samples.is_at_step, columns, 1),
+            false => vec![false; near.len()],
+        };
         let mut missed = vec![false; near.len()];
         for turn in turns.iter().filter(|turn| turn.off > times * TURN * (1.0 + turn.steep).powf(1.5)) {
             missed[turn.node] = !near[turn.node];
@@ -527,6 +535,7 @@ impl FittedSurface {
         for (node, missed) in missed.iter_mut().enumerate() {
             let steep = samples.slopes[node].gradient.norm_squared();
             *missed |= match near[node] {
+                true if beside_step[node] => true,
                 true => samples.sides[node].is_some_and(|side| narrow.contains(&side)),
                 false => self.differences[node].abs() > times * tolerance * (1.0 + steep).sqrt(),
             };
