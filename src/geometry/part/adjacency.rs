@@ -248,6 +248,11 @@ impl Neighbours {
     }
 }
 
+/// The middle of a triangle.
+pub(super) fn middle(corners: [Point3<f64>; 3]) -> Point3<f64> {
+    Point3::from(corners.iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0)
+}
+
 pub(super) fn facet_normal([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
 }

@@ -9,11 +9,11 @@ use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
 use super::creases::Facing;
-use super::cylinders::{Group, LEAST_ANGLES, LEAST_VERTICES, OnMesh, SAME_ANGLE, middle};
+use super::cylinders::{Group, LEAST_ANGLES, LEAST_VERTICES, OnMesh, SAME_ANGLE};
 use super::ends::{Surroundings, precision, rounding};
 use super::rivals::{Others, cylinders, mean_normal, others, squares};
 use super::round::{Camber, Round};
-use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, sliver_side};
+use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle, sliver_side};
 use crate::geometry::fork::{Fork, mapped};
 use crate::geometry::shape_fit::cross_directions;
 

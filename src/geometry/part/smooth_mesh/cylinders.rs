@@ -15,7 +15,7 @@ use super::rivals::{Others, apart, others};
 use super::round::{Camber, Plane, Round};
 use super::settling::Settling;
 use super::{MOST_BEND, SmoothMesh};
-use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, sliver_side, width};
+use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle, sliver_side, width};
 use crate::geometry::cone::Cone;
 use crate::geometry::flats::{CHORD_OF_ROUND, MOST_IN_TURN};
 use crate::geometry::fork::{Fork, found, look_ahead};
@@ -696,11 +696,6 @@ impl Search<'_> {
         angles.dedup_by(|next, kept| *next - *kept < SAME_ANGLE);
         points.len() >= LEAST_VERTICES && angles.len() >= LEAST_ANGLES
     }
-}
-
-/// The middle of a triangle.
-pub(super) fn middle(corners: [Point3<f64>; 3]) -> Point3<f64> {
-    Point3::from(corners.iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0)
 }
 
 /// How far the sides of a triangle are from the cylinder at their middles, at most, mm.

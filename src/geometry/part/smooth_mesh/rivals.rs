@@ -8,9 +8,8 @@
 use nalgebra::{Matrix2, Point3, SMatrix, SVector, Unit, Vector3, center};
 
 use super::SmoothMesh;
-use super::cylinders::middle;
 use super::round::Round;
-use crate::geometry::adjacency::{WELD_DISTANCE, facet_normal};
+use crate::geometry::adjacency::{WELD_DISTANCE, facet_normal, middle};
 use crate::geometry::shape_fit::cross_directions;
 
 /// A face turns by at most this to either side of its middle, rad, if it is shallow.
