@@ -38,7 +38,7 @@ impl Exact {
         let pairs = [[0, 1], [1, 2], [2, 0]];
         let turns = pairs.map(|[one, other]| normals[other] - normals[one]);
         let most = turns.iter().map(|turn| turn.norm()).fold(0.0, f64::max);
-        if most > MOST_TURN || most < DIGITS {
+        if !(DIGITS..=MOST_TURN).contains(&most) {
             return None;
         }
         let ways = pairs.map(|[one, other]| corners[other] - corners[one]);
