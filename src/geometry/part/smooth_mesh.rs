@@ -3,6 +3,7 @@
 
 mod arcs;
 mod cambers;
+mod caps;
 mod chains;
 mod creases;
 mod cylinders;

@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix2, Matrix4, Point3, Vector2, Vector3, Vector4};
 
 use super::SmoothMesh;
+use super::caps;
 use super::creases::Facing;
 use super::ends::{Surface, Surroundings, precision};
 use super::settling::Settling;
@@ -52,14 +53,15 @@ const MOST_FITTED: usize = 400;
 const ROUNDS: usize = 4;
 
 #[derive(Clone, Copy)]
-struct Sphere {
+pub(super) struct Sphere {
     center: Point3<f64>,
     /// mm.
-    radius: f64,
+    pub(super) radius: f64,
 }
 
 impl Sphere {
-    fn distance(&self, at: &Point3<f64>) -> f64 {
+    /// Signed distance of a point, mm; positive outside.
+    pub(super) fn distance(&self, at: &Point3<f64>) -> f64 {
         (at - self.center).norm() - self.radius
     }
 
@@ -68,7 +70,7 @@ impl Sphere {
     }
 
     /// That with the least squares of the powers of points (Pratt, Direct least-squares fitting of algebraic surfaces, SIGGRAPH 1987).
-    fn through(points: &[Point3<f64>]) -> Option<Self> {
+    pub(super) fn through(points: &[Point3<f64>]) -> Option<Self> {
         let sum: Vector3<f64> = points.iter().map(|point| point.coords).sum();
         let middle = Point3::from(sum / points.len() as f64);
         let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
@@ -231,12 +233,7 @@ fn balls(
     };
     let (around, (is_at_rim, triangle_of)) = join(fork, neighbours, rims);
     let mut is_tried = vec![false; mesh.positions.len()];
-    let mut is_known = vec![false; mesh.triangles.len()];
-    is_known.iter_mut().zip(is_round).for_each(|(known, round)| *known = *round);
-    let count = mesh.triangles.len();
-    let mut looks = Looks { last: vec![0; count], round: 0, left: MOST_VISITS * count };
-    let mut surroundings = None;
-    let mut found = Vec::new();
+    let mut gathering = Gathering::of(mesh, near, is_round, fork);
     for vertex in 0..mesh.positions.len() {
         let ring = around.of_vertex(vertex);
         let is_open = |&vertex: &u32| is_open[vertex as usize] && !is_tried[vertex as usize];
@@ -256,24 +253,61 @@ fn balls(
             let outward = ball.outward(&mesh.positions[other]);
             !estimated[other] && mesh.normals[other].cross(&outward).norm() < EXACT
         };
-        if ring.iter().all(is_exact) {
-            continue;
+        if !ring.iter().all(is_exact) {
+            for &triangle in gathering.add(ball, triangle_of[vertex] as usize) {
+                mesh.triangles[triangle].iter().for_each(|&vertex| is_tried[vertex as usize] = true);
+            }
         }
-        let first = triangle_of[vertex] as usize;
-        if first >= is_known.len() || is_known[first] || looks.left == 0 {
-            continue;
+    }
+    let is_estimated =
+        |triangle: usize| mesh.triangles[triangle].iter().all(|&vertex| estimated[vertex as usize]);
+    let is_free = |triangle: usize| is_estimated(triangle) && !gathering.is_known[triangle];
+    for (sphere, triangle) in caps::shown(mesh, is_free, near) {
+        gathering.add(sphere, triangle);
+    }
+    edges.append(&mut gathering.edges);
+    gathering.found
+}
+
+/// The spheres of a mesh as they are found.
+struct Gathering<'m> {
+    mesh: &'m SmoothMesh,
+    fork: &'m dyn Fork,
+    /// How far vertices may be off, mm.
+    near: f64,
+    surroundings: Option<Surroundings<'m>>,
+    /// For each triangle whether its surface is known.
+    is_known: Vec<bool>,
+    looks: Looks,
+    /// Of flat sides that are cut from the spheres.
+    edges: Vec<Facing>,
+    found: Vec<Found>,
+}
+
+impl<'m> Gathering<'m> {
+    fn of(mesh: &'m SmoothMesh, near: f64, is_round: &[bool], fork: &'m dyn Fork) -> Self {
+        let count = mesh.triangles.len();
+        let mut is_known = vec![false; count];
+        is_known.iter_mut().zip(is_round).for_each(|(known, round)| *known = *round);
+        let looks = Looks { last: vec![0; count], round: 0, left: MOST_VISITS * count };
+        Self { mesh, fork, near, surroundings: None, is_known, looks, edges: Vec::new(), found: Vec::new() }
+    }
+
+    /// Adds a sphere from one of its triangles on, and returns its triangles; none if they are too few.
+    fn add(&mut self, sphere: Sphere, first: usize) -> &[usize] {
+        let Self { mesh, near, .. } = *self;
+        if first >= self.is_known.len() || self.is_known[first] || self.looks.left == 0 {
+            return &[];
         }
-        let surroundings = surroundings.get_or_insert_with(|| Surroundings::of(mesh, near, fork));
-        let Some((mut flat_sides, triangles)) = grown(surroundings, ball, first, &is_known, &mut looks)
+        let surroundings = self.surroundings.get_or_insert_with(|| Surroundings::of(mesh, near, self.fork));
+        let Some((mut flat_sides, triangles)) =
+            grown(surroundings, sphere, first, &self.is_known, &mut self.looks)
         else {
-            continue;
+            return &[];
         };
-        edges.extend(flat_sides.edges(&triangles));
+        self.edges.extend(flat_sides.edges(&triangles));
         let sphere = flat_sides.sphere;
-        for &triangle in &triangles {
-            is_known[triangle] = true;
-            mesh.triangles[triangle].iter().for_each(|&vertex| is_tried[vertex as usize] = true);
-        }
+        triangles.iter().for_each(|&triangle| self.is_known[triangle] = true);
         let facing = |&triangle: &usize| {
             let corners = mesh.corners(triangle).0;
             facet_normal(corners).dot(&sphere.outward(&corners[0]))
@@ -281,9 +315,9 @@ fn balls(
         let way = triangles.iter().map(facing).sum::<f64>().signum();
         let ball = Ball { mesh, sphere, triangles };
         let at_edges = surroundings.at_edges(&ball);
-        found.push((sphere, ball.triangles, at_edges, way));
+        self.found.push((sphere, ball.triangles, at_edges, way));
+        self.found.last().map_or(&[], |(_, triangles, ..)| triangles)
     }
-    found
 }
 
 /// The plane facets of a mesh that are flat sides of a sphere.

@@ -1,0 +1,276 @@
+//! Shallow caps of spheres, as the crowned face of a button.
+//!
+//! Such a face has few vertices inside its outline, and none whose neighbours in two rows are all inside; beside a fillet, they are on no
+//! sphere. Its facets turn little, though, and those of the fillet turn away: facets that can be reached from one and face nearly as it
+//! does have their corners on one sphere, to within what files state of them.
+
+use nalgebra::{Matrix6, Point3, Vector3, Vector6};
+
+use super::SmoothMesh;
+use super::rivals::{cylinders, mean_normal, squares};
+use super::round::{Plane, Round};
+use super::spheres::Sphere;
+use crate::geometry::adjacency::{NONE, facet_normal, middle, sliver_side};
+use crate::geometry::shape_fit::cross_directions;
+
+/// The corners that show a cap are at least so many, …
+const LEAST_VERTICES: usize = 12;
+/// … at so many heights above the rim: two circles about an axis are on a sphere on every surface that is turned about it.
+const LEAST_ROWS: usize = 3;
+/// Facets are looked at that turn from a first one by at most so much, rad: first those of the shallowest caps.
+const TURNS: [f64; 3] = [0.02, 0.08, 0.3];
+/// Facets round a first one that are looked at, at most.
+const MOST_AROUND: usize = 400;
+/// First facets, at most: the largest ones.
+const MOST_TRIES: usize = 48;
+/// Corners leave the plane of a cap by so many times what a vertex may be off.
+const LEAST_BULGE: f64 = 20.0;
+/// Of corners that leave no doubt of a cap, what files state is this share of what a vertex may be off, root mean square, …
+const EXACT: f64 = 0.1;
+/// … or so many times the standard deviation of their rounding.
+const OF_ROUNDING: f64 = 3.0;
+/// Another surface is meant unless the corners are so many times as far from it.
+const CLEARLY: f64 = 4.0;
+/// What a fit leaves of corners that are on a sphere, mm.
+const FITTED: f64 = 1e-8;
+/// Corners tell the bends of a face in all directions to this share of that of the sphere, at least.
+const TOLD: f64 = 0.02;
+
+/// The spheres of shallow caps, each with a facet from which the others can be reached; `is_open` are the triangles that may be of one.
+/// Vertices may be off by `near`, mm.
+pub(super) fn shown(mesh: &SmoothMesh, is_open: impl Fn(usize) -> bool, near: f64) -> Vec<(Sphere, usize)> {
+    let area = |triangle: usize| {
+        let [a, b, c] = mesh.corners(triangle).0;
+        (b - a).cross(&(c - a)).norm_squared()
+    };
+    let mut seeds: Vec<(f64, usize)> = (0..mesh.triangles.len())
+        .filter(|&triangle| is_open(triangle))
+        .map(|triangle| (area(triangle), triangle))
+        .collect();
+    seeds.sort_unstable_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
+    let mut is_tried = vec![false; mesh.triangles.len()];
+    let (mut found, mut tries) = (Vec::new(), 0);
+    for (_, seed) in seeds {
+        if is_tried[seed] {
+            continue;
+        }
+        if tries == MOST_TRIES {
+            break;
+        }
+        tries += 1;
+        for turn in TURNS {
+            let triangles = around(mesh, seed, turn, &is_open);
+            triangles.iter().for_each(|&triangle| is_tried[triangle] = true);
+            let points = mesh.corner_points(&triangles);
+            if points.len() < LEAST_VERTICES
+                || bulge(&points, mean_normal(mesh, &triangles)) < LEAST_BULGE * near
+            {
+                continue;
+            }
+            if let Some(sphere) = cap(mesh, &triangles, &points, near) {
+                found.push((sphere, seed));
+            }
+            break;
+        }
+    }
+    found
+}
+
+/// The facets that can be reached from a first one through others which turn from it by at most so much, rad.
+fn around(mesh: &SmoothMesh, seed: usize, turn: f64, is_open: impl Fn(usize) -> bool) -> Vec<usize> {
+    let normal = facet_normal(mesh.corners(seed).0);
+    let least = turn.cos();
+    let mut found = vec![seed];
+    let mut next = 0;
+    while next < found.len() && found.len() < MOST_AROUND {
+        let here = found[next];
+        next += 1;
+        for side in 3 * here..3 * here + 3 {
+            let there = mesh.continued[side] as usize / 3;
+            if mesh.continued[side] == NONE || !is_open(there) || found.contains(&there) {
+                continue;
+            }
+            let corners = mesh.corners(there).0;
+            if sliver_side(corners).is_none() && facet_normal(corners).dot(&normal) >= least {
+                found.push(there);
+            }
+        }
+    }
+    found
+}
+
+/// How far points are apart along a direction, mm.
+fn bulge(points: &[Point3<f64>], normal: Vector3<f64>) -> f64 {
+    let heights = points.iter().map(|point| point.coords.dot(&normal));
+    let [low, high] = heights
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], height| [low.min(height), high.max(height)]);
+    high - low
+}
+
+/// The sphere on which the corners of some facets are, and on no cylinder or cone.
+fn cap(mesh: &SmoothMesh, triangles: &[usize], points: &[Point3<f64>], near: f64) -> Option<Sphere> {
+    let sphere = Sphere::through(points)?;
+    let count = points.len() as f64;
+    let own = points.iter().map(|at| sphere.distance(at).powi(2)).sum::<f64>().max(FITTED * FITTED * count);
+    let limit = (EXACT * near).max(OF_ROUNDING * mesh.rounding);
+    if own > limit * limit * count {
+        return None;
+    }
+    let normal = mean_normal(mesh, triangles);
+    let mut heights: Vec<f64> = points.iter().map(|point| point.coords.dot(&normal)).collect();
+    heights.sort_by(f64::total_cmp);
+    let rows = 1 + heights.windows(2).filter(|pair| pair[1] - pair[0] > 2.0 * near).count();
+    if rows < LEAST_ROWS || !is_told(&sphere, points, normal, limit) {
+        return None;
+    }
+    let planes: Vec<Plane> = triangles
+        .iter()
+        .map(|&triangle| mesh.corners(triangle).0)
+        .map(|corners| Plane { normal: facet_normal(corners), at: middle(corners) })
+        .collect();
+    let cone = Round::start_of_cone(&planes).and_then(|start| Round::cone(start, points, near));
+    let others = cylinders(points, normal, near).into_iter().chain(cone);
+    let is_clear = |other: Round| CLEARLY * CLEARLY * own < squares(&other, points);
+    others.into_iter().all(is_clear).then_some(sphere)
+}
+
+/// Whether points that are off by so much, mm, root mean square, tell how a face bends in every direction, and not only round a conic.
+fn is_told(sphere: &Sphere, points: &[Point3<f64>], normal: Vector3<f64>, off: f64) -> bool {
+    let count = points.len() as f64;
+    let center = Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count);
+    let reach = points.iter().map(|point| (point - center).norm()).fold(0.0, f64::max);
+    let (first, second) = cross_directions(&normal);
+    let mut matrix = Matrix6::zeros();
+    for point in points {
+        let from = (point - center) / reach;
+        let (x, y) = (from.dot(&first), from.dot(&second));
+        let row = Vector6::new(1.0, x, y, x * x, x * y, y * y);
+        matrix += row * row.transpose();
+    }
+    let least = matrix.symmetric_eigenvalues().min().max(0.0);
+    off < TOLD * least.sqrt() * reach * reach / (2.0 * sphere.radius)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::mesh::TriMesh;
+    use crate::geometry::space::View;
+
+    /// A face of 20 x 12 mm whose vertices are on its outline, but for some on its middle line, with fillets of 2 mm at its long sides,
+    /// which begin in the direction of the face.
+    fn crowned(height: impl Fn(f64, f64) -> f64) -> SmoothMesh {
+        let mut rows: Vec<Vec<Point3<f64>>> = Vec::new();
+        let on_face = |x: f64, y: f64| Point3::new(x, y, height(x, y));
+        let along =
+            |count: u32| (0..=count).map(move |step| 20.0 * f64::from(step) / f64::from(count) - 10.0);
+        let fillet = |side: f64, turn: f64| {
+            let on_fillet = |x: f64| {
+                let slope = (height(x, side * 6.0) - height(x, side * (6.0 - 1e-4))) / 1e-4;
+                let lean = -slope.atan();
+                let out = 2.0 * ((lean + turn).sin() - lean.sin());
+                let down = 2.0 * (lean.cos() - (lean + turn).cos());
+                on_face(x, side * 6.0) + Vector3::new(0.0, side * out, -down)
+            };
+            along(20).map(on_fillet).collect::<Vec<_>>()
+        };
+        rows.extend([0.9, 0.6, 0.3].map(|turn| fillet(-1.0, turn)));
+        rows.push(along(20).map(|x| on_face(x, -6.0)).collect());
+        rows.push(along(4).map(|x| on_face(x, 0.0)).collect());
+        rows.push(along(20).map(|x| on_face(x, 6.0)).collect());
+        rows.extend([0.3, 0.6, 0.9].map(|turn| fillet(1.0, turn)));
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for pair in rows.windows(2) {
+            let [lower, upper] = [&pair[0], &pair[1]];
+            let [first, second] = [positions.len() as u32, positions.len() as u32 + lower.len() as u32];
+            let (mut here, mut there) = (0, 0);
+            while here + 1 < lower.len() || there + 1 < upper.len() {
+                let ends = [lower.get(here + 1), upper.get(there + 1)]
+                    .map(|end| end.map_or(f64::INFINITY, |at| at.x));
+                let (low, up) = (first + here as u32, second + there as u32);
+                if ends[0] <= ends[1] {
+                    triangles.push([low, low + 1, up]);
+                    here += 1;
+                } else {
+                    triangles.push([low, up + 1, up]);
+                    there += 1;
+                }
+            }
+            positions.extend(lower);
+        }
+        positions.extend(rows.last().into_iter().flatten());
+        SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top())
+    }
+
+    fn caps_of(mesh: &SmoothMesh) -> Vec<f64> {
+        shown(mesh, |_| true, 1e-4).into_iter().map(|(sphere, _)| sphere.radius).collect()
+    }
+
+    #[test]
+    fn a_crowned_face_between_fillets_has_the_normals_of_its_sphere() {
+        for radius in [150.0f64, 500.0, 2000.0] {
+            for sign in [1.0, -1.0] {
+                let z = |x: f64, y: f64| sign * ((radius * radius - x * x - y * y).sqrt() - radius);
+                let mesh = crowned(z);
+                // At an end of the edge, the fillet has vertices of its own.
+                for (corners, normals) in (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle)) {
+                    if corners.iter().any(|at| at.y.abs() > 6.0 + 1e-9) {
+                        continue;
+                    }
+                    for (at, normal) in corners.iter().zip(normals) {
+                        let exact = Vector3::new(sign * at.x, sign * at.y, at.z * sign + radius) / radius;
+                        assert!((normal - exact).norm() < 1e-5, "R {}, {at}: {normal:?}", sign * radius);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_other_crowned_face_is_a_cap() {
+        let radius = 500.0f64;
+        let arc = |radius: f64, x: f64| (radius * radius - x * x).sqrt() - radius;
+        for times in [1.1, 2.0, 10.0] {
+            // A torus, and an ellipsoid.
+            assert!(caps_of(&crowned(|x, y| arc(radius, x) + arc(times * radius, y))).is_empty());
+            let ellipsoid = |x: f64, y: f64| arc(radius, x.hypot(y / times));
+            assert!(caps_of(&crowned(ellipsoid)).is_empty());
+        }
+        for slope in [0.003, 0.03, 0.3] {
+            assert!(caps_of(&crowned(|x, y| -slope * x.hypot(y))).is_empty());
+        }
+        assert!(caps_of(&crowned(|x, _| arc(radius, x))).is_empty());
+        assert!(caps_of(&crowned(|_, _| 0.0)).is_empty());
+    }
+
+    /// Two rings of a turned face are on a sphere, whatever its profile.
+    #[test]
+    fn two_rings_and_a_tip_show_no_cap() {
+        const COUNT: u32 = 24;
+        for tip in [None, Some(0.5)] {
+            let mut positions: Vec<Point3<f64>> = [(10.0, 0.0), (6.0, 0.2)]
+                .into_iter()
+                .flat_map(|(out, height): (f64, f64)| {
+                    (0..COUNT).map(move |step| {
+                        let angle = f64::from(step) / f64::from(COUNT) * std::f64::consts::TAU;
+                        Point3::new(out * angle.cos(), out * angle.sin(), height)
+                    })
+                })
+                .collect();
+            let next = |step: u32| (step + 1) % COUNT;
+            let mut triangles: Vec<[u32; 3]> = (0..COUNT)
+                .flat_map(|step| {
+                    let [a, b, c, d] = [step, next(step), COUNT + next(step), COUNT + step];
+                    [[a, b, c], [a, c, d]]
+                })
+                .collect();
+            if let Some(tip) = tip {
+                positions.push(Point3::new(0.0, 0.0, 0.2 + 6.0 * 0.05 + tip * 1e-9));
+                triangles.extend((0..COUNT).map(|step| [COUNT + step, COUNT + next(step), 2 * COUNT]));
+            }
+            let mesh =
+                SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top());
+            assert!(caps_of(&mesh).is_empty());
+        }
+    }
+}
