@@ -69,9 +69,13 @@ pub(super) fn squares(round: &Round, points: &[Point3<f64>]) -> f64 {
     points.iter().map(|at| round.distance(at).powi(2)).sum()
 }
 
-/// The cylinders on which all points are within `near`, mm, of a shallow face whose facets have a mean normal.
+/// The shallow cylinders on which all points are within `near`, mm, of a face whose facets have a mean normal. Those that run down to the
+/// points beside it, as one through the two ends of a narrow face does, are none.
 pub(super) fn cylinders(points: &[Point3<f64>], normal: Vector3<f64>, near: f64) -> Vec<Round> {
-    axes(points, normal).into_iter().filter_map(|axis| Round::cylinder_about(axis, points, near)).collect()
+    let is_shallow =
+        |round: &Round| points.iter().all(|at| round.outward(at).dot(&normal).abs() >= SHALLOW.cos());
+    let through = |axis| Round::cylinder_about(axis, points, near);
+    axes(points, normal).into_iter().filter_map(through).filter(is_shallow).collect()
 }
 
 /// How far two surfaces are apart over a triangle at most, mm, and the angle between them, rad, root mean square.
