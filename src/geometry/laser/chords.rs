@@ -32,6 +32,8 @@ pub(super) struct Chords {
     /// The largest share of what each chord misses of its curve that the mark may miss, too, if no vertex moves: 0 where the line
     /// of the field is the image of the curve.
     pub(super) missed: Vec<f64>,
+    /// By how much the mark of each chord is longer than the straight line that it is drawn for, mm; 0 for chords of curves.
+    pub(super) longer: Vec<f64>,
     /// Whether the vertex may move.
     pub(super) is_free: Vec<bool>,
     /// Whether the first vertex follows the last chord.
@@ -97,9 +99,12 @@ impl Chords {
     /// The same after [`lengthen`](Self::lengthen). Chords whose ends stayed miss as much as their curves show where the field does
     /// not bend them.
     pub(super) fn shortening(&self) -> Shortening {
-        self.differing(|chord| match self.is_free[chord] || self.is_free[chord + 1] {
-            true => self.missing(chord),
-            false => (self.drawn[chord] - self.length(chord)) * self.missed[chord],
+        self.differing(|chord| {
+            let missing = match self.is_free[chord] || self.is_free[chord + 1] {
+                true => self.missing(chord),
+                false => (self.drawn[chord] - self.length(chord)) * self.missed[chord],
+            };
+            missing.abs() + self.longer[chord]
         })
     }
 
@@ -184,8 +189,8 @@ mod tests {
             vertices[count] = vertices[0];
         }
         let drawn: Vec<f64> = (0..count).map(length).collect();
-        let (goals, missed) = (drawn.clone(), vec![1.0; count]);
-        Chords { vertices, goals, missed, drawn, is_free: vec![true; count + 1], is_closed }
+        let (goals, missed, longer) = (drawn.clone(), vec![1.0; count], vec![0.0; count]);
+        Chords { vertices, goals, missed, longer, drawn, is_free: vec![true; count + 1], is_closed }
     }
 
     trait IntoPoint {
@@ -275,6 +280,7 @@ mod tests {
             drawn: vec![1.005; 2],
             goals: vec![1.005; 2],
             missed: vec![1.0; 2],
+            longer: vec![0.0; 2],
             is_free: vec![true; 3],
             is_closed: false,
         };
@@ -286,6 +292,7 @@ mod tests {
             drawn: vec![0.0; 3],
             goals: vec![0.0; 3],
             missed: vec![1.0; 3],
+            longer: vec![0.0; 3],
             is_free: vec![true; 4],
             is_closed: true,
         };

@@ -41,6 +41,10 @@ const SMOOTH_CORNER: f64 = 0.94;
 const DIRECTION_STEP: f64 = 1e-3;
 /// Shorter curves may lose as much as one of this length, mm, which is far below a laser's spot: noise is not marked.
 const SHORTEST_CURVE: f64 = 0.01;
+/// A line of the field that leaves the image of its drawn line by a smaller share of its length is as long as that.
+const NEGLIGIBLE_OFF: f64 = 1e-5;
+/// The share of a line over which the image of a point beside it is taken.
+const PROBE_STEP: f64 = 1e-3;
 /// The image of a straight line has no smaller radius of curvature than this, mm: less than the distance of samples.
 const MIN_BEND_RADIUS: f64 = 0.2;
 
@@ -234,16 +238,16 @@ impl Projection<'_> {
         junctions: Option<&Junctions>,
     ) -> Result<Chords, AboveLens> {
         let steps: Vec<usize> = segments.iter().map(|segment| segment.steps(DRAWN)).collect();
-        let [mut drawn, mut goals, mut missed] = std::array::from_fn(|_| Vec::with_capacity(points.len()));
+        let [mut drawn, mut goals, mut missed, mut longer] =
+            std::array::from_fn(|_| Vec::with_capacity(points.len()));
         for ends in points.windows(2) {
             let [from, to] = [&ends[0], &ends[1]];
             let chord = from.flat.distance(to.flat);
             let length = drawn_length(segments, &steps, [from.on, to.on]);
             let missing = length - chord;
-            let [left, most] = match missing > STRAIGHT * chord {
-                true => self.straightness(segments, from, to)?,
-                false => [1.0; 2],
-            };
+            let is_curved = missing > STRAIGHT * chord;
+            let [left, most] = if is_curved { self.straightness(segments, from, to)? } else { [1.0; 2] };
+            longer.push(if is_curved { 0.0 } else { self.lengthening(from.flat, to.flat)? });
             drawn.push(length);
             goals.push(chord + missing * left);
             missed.push(most);
@@ -263,7 +267,7 @@ impl Projection<'_> {
         };
         let vertices = points.iter().map(|point| point.flat).collect();
         let is_free = points.iter().map(is_free).collect();
-        Ok(Chords { vertices, drawn, goals, missed, is_free, is_closed })
+        Ok(Chords { vertices, drawn, goals, missed, longer, is_free, is_closed })
     }
 
     /// The share of what a chord in the plane of the drawing misses that the mark misses, too, by what is in the middle; and the
@@ -299,6 +303,34 @@ impl Projection<'_> {
         let bent = marked.dot(&bulge) / bulge.norm_squared();
         // The length that an arc adds to its chord grows with the square of its height.
         Ok(if bent.is_finite() { 1.0 - bent * bent } else { 1.0 })
+    }
+
+    /// By how much the line of the field between the images of two points is longer on the part than the straight drawn line between
+    /// them, mm: it leaves the image of that line to one side or both, as a plane section of a round part does.
+    fn lengthening(&self, from: FlatPoint, to: FlatPoint) -> Result<f64, AboveLens> {
+        let way = to - from;
+        let length = way.norm();
+        let ends = [self.aim(from)?, self.aim(to)?];
+        // How far the marked point at a share of the line is beside it in the plane of the drawing, mm.
+        let beside = |share: f64| -> Result<f64, AboveLens> {
+            let at = from.lerp(to, share);
+            let here = self.aim(at)?;
+            let off = ends[0].lerp(ends[1], share) - here;
+            if off.norm() < NEGLIGIBLE_OFF * length {
+                return Ok(0.0);
+            }
+            let step = way * PROBE_STEP;
+            let [along, across] =
+                [self.aim(at + step)? - here, self.aim(at + Vector2::new(-step.y, step.x))? - here];
+            Ok(along.perp(&off) / along.perp(&across) * PROBE_STEP * length)
+        };
+        let [early, middle, late] = [beside(0.25)?, beside(0.5)?, beside(0.75)?];
+        // The squares of the slopes of the polylines through these points.
+        let halves = 2.0 * middle * middle / length;
+        let quarters = [early, middle - early, late - middle, late].map(|rise| rise * rise);
+        let quarters = 2.0 * quarters.iter().sum::<f64>() / length;
+        let longer = quarters + (quarters - halves) / 3.0;
+        Ok(if longer.is_finite() { longer } else { 0.0 })
     }
 
     /// The images of the ends of all segments, after curves are flattened.
@@ -695,6 +727,37 @@ mod tests {
             };
             let fewest = (0..1000).map(root_of_curvature).sum::<f64>() / (8.0 * tolerance).sqrt();
             assert!((points.len() as f64) < 1.25 * fewest + 3.0, "{} for {fewest}", points.len());
+        }
+    }
+
+    #[test]
+    fn the_lengthening_of_a_straight_line_by_its_chords_is_that_on_the_part() {
+        let surface = surface(shapes::cylinder);
+        for (to, tolerance, subdivision) in [
+            ([15.0, 15.0], 0.1, Subdivision::Adaptive),
+            ([15.0, 15.0], 0.02, Subdivision::Adaptive),
+            ([18.0, 6.0], 0.02, Subdivision::Keep),
+            ([20.0, -12.0], 0.02, Subdivision::Keep),
+            ([0.0, 14.0], 0.02, Subdivision::Keep),
+        ] {
+            let pattern = line([-to[0] / 3.0, -to[1]], to);
+            let origin = FlatPoint::new(0.0, 0.0);
+            let map = LengthTrueMap::find(&surface, &pattern, |_| true, origin, &Method::Cylinder).unwrap();
+            let bent = from_above(&map, &surface).bend(&pattern, tolerance, subdivision).unwrap();
+            let on_part = |from: FieldPoint, to: FieldPoint| {
+                let place = |share: f64| {
+                    let at = from.lerp(to, share);
+                    Point3::new(at.x, at.y, shapes::cylinder(at.x, at.y))
+                };
+                let step = |index: i32| place(f64::from(index) / 1000.0);
+                (0..1000).map(|index| (step(index + 1) - step(index)).norm()).sum::<f64>()
+            };
+            let marked = bent.drawing.paths[0].shape.points().windows(2);
+            let marked: f64 = marked.map(|pair| on_part(pair[0], pair[1])).sum();
+            let longer = marked - (4.0 / 3.0 * to[0]).hypot(2.0 * to[1]);
+            let reported = bent.shortening[0].lost;
+            let is_right = (reported - longer).abs() < 0.05 * longer + 3e-5;
+            assert!(is_right, "{to:?}, {tolerance}: {reported} mm for {longer} mm");
         }
     }
 
