@@ -9,12 +9,13 @@ use std::collections::{BTreeSet, VecDeque};
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
-use super::ends::{Straight, Surface, Surroundings, precision};
+use super::ends::{Straight, Surface, Surroundings, precision, range};
 use super::free_outlines;
 use super::hidden_arcs::HiddenArc;
 use super::plane_curve::CurveStrip;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
+use crate::geometry::disjoint_sets::DisjointSets;
 use crate::geometry::fork::{Fork, found, look_ahead};
 
 /// Sides are parallel where their ends are off by at most so many times what vertices may be off, and they lean by less than
@@ -201,24 +202,45 @@ impl Search<'_> {
         let found = self.grown(triangle, ruling);
         let axis = self.mean_ruling(&found, ruling);
         let mut triangles = self.grown(triangle, axis);
-        self.trim(&mut triangles, axis);
         triangles.sort_unstable();
+        self.trim(&mut triangles, axis);
         (axis, triangles)
     }
 
-    /// Removes the triangles that reach farther along the rulings than any of these: a facet of a fillet may continue one of the
-    /// strip by chance.
+    /// Removes the triangles, given in ascending order, that reach farther along the rulings than any of these: a facet of a fillet may
+    /// continue one of the strip by chance. A needle of a plane polygon of which most reaches farther is no facet of the strip.
     fn trim(&self, triangles: &mut Vec<usize>, axis: Vector3<f64>) {
         let along = |point: &Point3<f64>| point.coords.dot(&axis);
         let sides = triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
         let rulings = sides.filter(|&side| self.is_parallel(side, axis));
-        let [low, high] = rulings
-            .flat_map(|side| self.mesh.ends(side))
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], end| {
-                [low.min(along(&end)), high.max(along(&end))]
-            });
-        let is_within = |end: &Point3<f64>| (low - self.near..=high + self.near).contains(&along(end));
-        triangles.retain(|&triangle| self.mesh.corners(triangle).0.iter().all(is_within));
+        let [low, high] = range(rulings.flat_map(|side| self.mesh.ends(side)).map(|end| along(&end)));
+        let is_within = |&triangle: &usize| {
+            let corners = self.mesh.corners(triangle).0;
+            corners.iter().all(|end| (low - self.near..=high + self.near).contains(&along(end)))
+        };
+        if triangles.iter().all(is_within) {
+            return;
+        }
+        let mut planes = DisjointSets::new(triangles.len());
+        for (index, &triangle) in triangles.iter().enumerate() {
+            for other in (3 * triangle..3 * triangle + 3).filter_map(|side| self.mesh.continuing(side)) {
+                let Ok(there) = triangles.binary_search(&(other / 3)) else { continue };
+                if there > index && self.normal(triangle).cross(&self.normal(other / 3)).norm() < COPLANAR {
+                    planes.join(index, there);
+                }
+            }
+        }
+        let (of_plane, count) = planes.numbered();
+        let mut within = vec![0.0; count];
+        for (triangle, &plane) in triangles.iter().zip(&of_plane) {
+            let [a, b, c] = self.mesh.corners(*triangle).0;
+            let area = (b - a).cross(&(c - a)).norm();
+            within[plane as usize] += if is_within(triangle) { area } else { -area };
+        }
+        let mut planes = of_plane.into_iter();
+        triangles.retain(|triangle| {
+            planes.next().is_some_and(|plane| is_within(triangle) && within[plane as usize] > 0.0)
+        });
     }
 
     fn direction(&self, side: usize) -> Option<Vector3<f64>> {
@@ -446,6 +468,8 @@ impl Straight for Strip<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use crate::geometry::mesh::TriMesh;
     use crate::geometry::space::View;
@@ -638,5 +662,33 @@ mod tests {
             }
         }
         assert!(leans > 10);
+    }
+
+    /// A disc with a tangent fillet, whose polygon is cut into needles from one vertex: some of them reach no farther along the rows of
+    /// the fillet than these do.
+    #[test]
+    fn needles_of_a_polygon_are_of_no_strip() {
+        const SECTORS: u32 = 100;
+        let step = 2.0 * PI / f64::from(SECTORS);
+        let rows = (0..=10).map(|row| (step * f64::from(row)).sin_cos());
+        let place = |(sin, cos): (f64, f64)| {
+            (0..SECTORS).map(move |sector| {
+                let (y, x) = (step * f64::from(sector)).sin_cos();
+                Point3::new((20.0 + 2.0 * sin) * x, (20.0 + 2.0 * sin) * y, 2.0 * cos - 2.0)
+            })
+        };
+        let positions: Vec<Point3<f64>> = rows.flat_map(place).collect();
+        let cells = (0..10 * SECTORS).map(|own| (own, own / SECTORS * SECTORS + (own + 1) % SECTORS));
+        let fillet = cells.flat_map(|(a, b)| [[a, a + SECTORS, b + SECTORS], [a, b + SECTORS, b]]);
+        let triangles = fillet.chain((2..SECTORS).map(|sector| [0, sector - 1, sector])).collect();
+        let part = SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top());
+        let is_of_disc = |triangle: &usize| part.corners(*triangle).0.iter().all(|at| at.z == 0.0);
+        let disc: Vec<usize> = (0..part.triangles.len()).filter(is_of_disc).collect();
+        assert_eq!(disc.len(), SECTORS as usize - 2);
+        for triangle in disc {
+            for normal in part.corners(triangle).1 {
+                assert!(normal.xy().norm() < 1e-9, "{triangle}: {normal:?}");
+            }
+        }
     }
 }
