@@ -342,8 +342,8 @@ pub struct DistancesReport {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
 pub struct DistortionReport {
-    /// e_l, mm. It includes the shortening of curves by chords; without the correction, the drawing as drawn is divided by the
-    /// same tolerance.
+    /// e_l, mm. It includes by how much chords differ in length from what they replace; without the correction, the drawing as
+    /// drawn is divided by the same tolerance.
     pub length_error_mm: f64,
     /// e_l / length of all lines.
     pub length_error_relative: f64,
@@ -431,7 +431,8 @@ pub struct OutputReport {
     pub vertices: usize,
     /// Its bounding rectangle in the field: left, bottom, right, top, mm.
     pub extents_mm: [f64; 4],
-    /// By how much the chords of curves differ in length from the curves that they replace, mm, summed; a part of e_l.
+    /// By how much the chords of curves differ in length from the curves that they replace, and the marks of straight lines from
+    /// these, mm, summed; a part of e_l.
     #[serde(default)]
     pub shortening_mm: f64,
     /// Whether a second reader checked that the written file contains the intended drawing.
