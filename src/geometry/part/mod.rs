@@ -13,6 +13,7 @@ pub mod chord_normals;
 pub(crate) mod shape_fit;
 pub mod cylinder;
 pub mod cone;
+pub(crate) mod sphere;
 pub mod smooth_mesh;
 pub(crate) mod osculating_jet;
 pub(crate) mod flats;

@@ -9,9 +9,9 @@ use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 use super::SmoothMesh;
 use super::rivals::{cylinders, mean_normal, squares};
 use super::round::{Plane, Round};
-use super::spheres::Sphere;
 use crate::geometry::adjacency::{NONE, facet_normal, middle, sliver_side};
 use crate::geometry::shape_fit::cross_directions;
+use crate::geometry::sphere::Sphere;
 
 /// The corners that show a cap are at least so many, …
 const LEAST_VERTICES: usize = 12;

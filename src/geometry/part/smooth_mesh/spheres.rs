@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix2, Matrix4, Point3, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use super::SmoothMesh;
 use super::caps;
@@ -17,6 +17,7 @@ use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
 use crate::geometry::fork::{Fork, join};
 use crate::geometry::shape_fit::cross_directions;
+use crate::geometry::sphere::Sphere;
 
 /// The vertices round a first one in two rows are at least so many, …
 const LEAST_VERTICES: usize = 12;
@@ -51,41 +52,6 @@ const MOST_TRIANGLES: usize = 300_000;
 const MOST_FITTED: usize = 400;
 /// Rounds in which a sphere is fitted to the facets that it has gained.
 const ROUNDS: usize = 4;
-
-#[derive(Clone, Copy)]
-pub(super) struct Sphere {
-    center: Point3<f64>,
-    /// mm.
-    pub(super) radius: f64,
-}
-
-impl Sphere {
-    /// Signed distance of a point, mm; positive outside.
-    pub(super) fn distance(&self, at: &Point3<f64>) -> f64 {
-        (at - self.center).norm() - self.radius
-    }
-
-    fn outward(&self, at: &Point3<f64>) -> Vector3<f64> {
-        (at - self.center).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
-    }
-
-    /// That with the least squares of the powers of points (Pratt, Direct least-squares fitting of algebraic surfaces, SIGGRAPH 1987).
-    pub(super) fn through(points: &[Point3<f64>]) -> Option<Self> {
-        let sum: Vector3<f64> = points.iter().map(|point| point.coords).sum();
-        let middle = Point3::from(sum / points.len() as f64);
-        let (mut matrix, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        for point in points {
-            let from = point - middle;
-            let row = Vector4::new(from.x, from.y, from.z, 1.0);
-            matrix += row * row.transpose();
-            right += row * from.norm_squared();
-        }
-        let solution = matrix.cholesky()?.solve(&right);
-        let to_center = solution.xyz() / 2.0;
-        let radius = (solution.w + to_center.norm_squared()).sqrt();
-        radius.is_finite().then(|| Self { center: middle + to_center, radius })
-    }
-}
 
 /// What a search has looked at.
 struct Looks {
