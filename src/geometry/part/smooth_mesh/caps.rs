@@ -7,6 +7,7 @@
 use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 
 use super::SmoothMesh;
+use super::ends::range;
 use super::rivals::{cylinders, mean_normal, squares};
 use super::round::{Plane, Round};
 use crate::geometry::adjacency::{NONE, facet_normal, middle, sliver_side};
@@ -101,9 +102,7 @@ fn around(mesh: &SmoothMesh, seed: usize, turn: f64, is_open: impl Fn(usize) -> 
 
 /// How far points are apart along a direction, mm.
 fn bulge(points: &[Point3<f64>], normal: Vector3<f64>) -> f64 {
-    let heights = points.iter().map(|point| point.coords.dot(&normal));
-    let [low, high] = heights
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], height| [low.min(height), high.max(height)]);
+    let [low, high] = range(points.iter().map(|point| point.coords.dot(&normal)));
     high - low
 }
 
