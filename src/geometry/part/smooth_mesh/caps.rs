@@ -4,6 +4,9 @@
 //! sphere. Its facets turn little, though, and those of the fillet turn away: facets that can be reached from one and face nearly as it
 //! does have their corners on one sphere, to within what files state of them.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 use nalgebra::{Matrix6, Point3, Vector3, Vector6};
 
 use super::SmoothMesh;
@@ -40,28 +43,22 @@ const TOLD: f64 = 0.02;
 /// The spheres of shallow caps, each with a facet from which the others can be reached; `is_open` are the triangles that may be of one.
 /// Vertices may be off by `near`, mm.
 pub(super) fn shown(mesh: &SmoothMesh, is_open: impl Fn(usize) -> bool, near: f64) -> Vec<(Sphere, usize)> {
+    // Areas are not negative, so that their bits are in their order; of equal ones, the first comes first.
     let area = |triangle: usize| {
         let [a, b, c] = mesh.corners(triangle).0;
-        (b - a).cross(&(c - a)).norm_squared()
+        (b - a).cross(&(c - a)).norm_squared().to_bits()
     };
-    let mut seeds: Vec<(f64, usize)> = (0..mesh.triangles.len())
-        .filter(|&triangle| is_open(triangle))
-        .map(|triangle| (area(triangle), triangle))
-        .collect();
-    seeds.sort_unstable_by(|one, other| other.0.total_cmp(&one.0).then(one.1.cmp(&other.1)));
-    let mut is_tried = vec![false; mesh.triangles.len()];
+    let seeds = (0..mesh.triangles.len()).filter(|&triangle| is_open(triangle));
+    let mut seeds: BinaryHeap<_> = seeds.map(|triangle| (area(triangle), Reverse(triangle))).collect();
+    let mut search = Search { mesh, is_open, last_walk: vec![0; mesh.triangles.len()], walk: 0 };
     let (mut found, mut tries) = (Vec::new(), 0);
-    for (_, seed) in seeds {
-        if is_tried[seed] {
+    while let Some((_, Reverse(seed))) = seeds.pop().filter(|_| tries < MOST_TRIES) {
+        if search.last_walk[seed] > 0 {
             continue;
-        }
-        if tries == MOST_TRIES {
-            break;
         }
         tries += 1;
         for turn in TURNS {
-            let triangles = around(mesh, seed, turn, &is_open);
-            triangles.iter().for_each(|&triangle| is_tried[triangle] = true);
+            let triangles = search.around(seed, turn);
             let points = mesh.corner_points(&triangles);
             if points.len() < LEAST_VERTICES
                 || bulge(&points, mean_normal(mesh, &triangles)) < LEAST_BULGE * near
@@ -77,27 +74,45 @@ pub(super) fn shown(mesh: &SmoothMesh, is_open: impl Fn(usize) -> bool, near: f6
     found
 }
 
-/// The facets that can be reached from a first one through others which turn from it by at most so much, rad.
-fn around(mesh: &SmoothMesh, seed: usize, turn: f64, is_open: impl Fn(usize) -> bool) -> Vec<usize> {
-    let normal = facet_normal(mesh.corners(seed).0);
-    let least = turn.cos();
-    let mut found = vec![seed];
-    let mut next = 0;
-    while next < found.len() && found.len() < MOST_AROUND {
-        let here = found[next];
-        next += 1;
-        for side in 3 * here..3 * here + 3 {
-            let there = mesh.continued[side] as usize / 3;
-            if mesh.continued[side] == NONE || !is_open(there) || found.contains(&there) {
-                continue;
-            }
-            let corners = mesh.corners(there).0;
-            if sliver_side(corners).is_none() && facet_normal(corners).dot(&normal) >= least {
-                found.push(there);
+struct Search<'a, F> {
+    mesh: &'a SmoothMesh,
+    /// Whether a triangle may be of a cap.
+    is_open: F,
+    /// For each triangle the last walk that reached it, 0 if none did, …
+    last_walk: Vec<u32>,
+    /// … of so many.
+    walk: u32,
+}
+
+impl<F: Fn(usize) -> bool> Search<'_, F> {
+    /// The facets that can be reached from a first one through others which turn from it by at most so much, rad.
+    fn around(&mut self, seed: usize, turn: f64) -> Vec<usize> {
+        let mesh = self.mesh;
+        let (normal, least) = (facet_normal(mesh.corners(seed).0), turn.cos());
+        self.walk += 1;
+        self.last_walk[seed] = self.walk;
+        let mut found = vec![seed];
+        let mut next = 0;
+        while next < found.len() && found.len() < MOST_AROUND {
+            let here = found[next];
+            next += 1;
+            for side in 3 * here..3 * here + 3 {
+                let there = mesh.continued[side] as usize / 3;
+                if mesh.continued[side] == NONE
+                    || self.last_walk[there] == self.walk
+                    || !(self.is_open)(there)
+                {
+                    continue;
+                }
+                let corners = mesh.corners(there).0;
+                if sliver_side(corners).is_none() && facet_normal(corners).dot(&normal) >= least {
+                    self.last_walk[there] = self.walk;
+                    found.push(there);
+                }
             }
         }
+        found
     }
-    found
 }
 
 /// How far points are apart along a direction, mm.
