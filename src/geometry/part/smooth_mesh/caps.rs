@@ -7,20 +7,17 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use nalgebra::{Matrix6, Point3, Vector3, Vector6};
+use nalgebra::{Point3, SMatrix, SVector, Vector3};
 
 use super::SmoothMesh;
 use super::ends::range;
-use super::rivals::{cylinders, mean_normal, squares};
-use super::round::{Plane, Round};
-use crate::geometry::adjacency::{NONE, facet_normal, middle, sliver_side};
+use super::rivals::mean_normal;
+use crate::geometry::adjacency::{NONE, facet_normal, sliver_side};
 use crate::geometry::shape_fit::cross_directions;
 use crate::geometry::sphere::Sphere;
 
-/// The corners that show a cap are at least so many, …
+/// The corners that show a cap are at least so many: three more than fit any quadric.
 const LEAST_VERTICES: usize = 12;
-/// … at so many heights above the rim: two circles about an axis are on a sphere on every surface that is turned about it.
-const LEAST_ROWS: usize = 3;
 /// Facets are looked at that turn from a first one by at most so much, rad: first those of the shallowest caps.
 const TURNS: [f64; 3] = [0.02, 0.08, 0.3];
 /// Facets round a first one that are looked at, at most.
@@ -33,12 +30,11 @@ const LEAST_BULGE: f64 = 20.0;
 const EXACT: f64 = 0.1;
 /// … or so many times the standard deviation of their rounding.
 const OF_ROUNDING: f64 = 3.0;
-/// Another surface is meant unless the corners are so many times as far from it.
-const CLEARLY: f64 = 4.0;
-/// What a fit leaves of corners that are on a sphere, mm.
-const FITTED: f64 = 1e-8;
-/// Corners tell the bends of a face in all directions to this share of that of the sphere, at least.
-const TOLD: f64 = 0.02;
+/// Corners leave any other quadric by this, root mean square, over a face of the size 1 in all directions: those of faces from CAD programs
+/// by 0.014 to 0.1, those that are on one by 0.000002 where files round them.
+const LEAST_OTHER: f64 = 5e-3;
+/// What they may be off the sphere is at most this share of that.
+const OF_OTHER: f64 = 0.02;
 
 /// The spheres of shallow caps, each with a facet from which the others can be reached; `is_open` are the triangles that may be of one.
 /// Vertices may be off by `near`, mm.
@@ -121,48 +117,38 @@ fn bulge(points: &[Point3<f64>], normal: Vector3<f64>) -> f64 {
     high - low
 }
 
-/// The sphere on which the corners of some facets are, and on no cylinder or cone.
+/// The sphere on which the corners of some facets are, and on no other quadric.
 fn cap(mesh: &SmoothMesh, triangles: &[usize], points: &[Point3<f64>], near: f64) -> Option<Sphere> {
     let sphere = Sphere::through(points)?;
     let count = points.len() as f64;
-    let own = points.iter().map(|at| sphere.distance(at).powi(2)).sum::<f64>().max(FITTED * FITTED * count);
+    let own = points.iter().map(|at| sphere.distance(at).powi(2)).sum::<f64>();
     let limit = (EXACT * near).max(OF_ROUNDING * mesh.rounding);
     if own > limit * limit * count {
         return None;
     }
-    let normal = mean_normal(mesh, triangles);
-    let mut heights: Vec<f64> = points.iter().map(|point| point.coords.dot(&normal)).collect();
-    heights.sort_by(f64::total_cmp);
-    let rows = 1 + heights.windows(2).filter(|pair| pair[1] - pair[0] > 2.0 * near).count();
-    if rows < LEAST_ROWS || !is_told(&sphere, points, normal, limit) {
-        return None;
-    }
-    let planes: Vec<Plane> = triangles
-        .iter()
-        .map(|&triangle| mesh.corners(triangle).0)
-        .map(|corners| Plane { normal: facet_normal(corners), at: middle(corners) })
-        .collect();
-    let cone = Round::start_of_cone(&planes).and_then(|start| Round::cone(start, points, near));
-    let others = cylinders(points, normal, near).into_iter().chain(cone);
-    let is_clear = |other: Round| CLEARLY * CLEARLY * own < squares(&other, points);
-    others.into_iter().all(is_clear).then_some(sphere)
+    is_alone(points, mean_normal(mesh, triangles), limit).then_some(sphere)
 }
 
-/// Whether points that are off by so much, mm, root mean square, tell how a face bends in every direction, and not only round a conic.
-fn is_told(sphere: &Sphere, points: &[Point3<f64>], normal: Vector3<f64>, off: f64) -> bool {
+/// Whether points that are on one sphere, and may be off by so much, mm, are on no other quadric: all that are on two planes are on that
+/// of these, as two rings of a turned part, or two meridians of a barrel, and those on a cone or on the rim of an oval are on theirs.
+fn is_alone(points: &[Point3<f64>], normal: Vector3<f64>, off: f64) -> bool {
     let count = points.len() as f64;
     let center = Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count);
     let reach = points.iter().map(|point| (point - center).norm()).fold(0.0, f64::max);
+    let bulge = bulge(points, normal);
     let (first, second) = cross_directions(&normal);
-    let mut matrix = Matrix6::zeros();
+    let mut matrix = SMatrix::<f64, 10, 10>::zeros();
     for point in points {
-        let from = (point - center) / reach;
-        let (x, y) = (from.dot(&first), from.dot(&second));
-        let row = Vector6::new(1.0, x, y, x * x, x * y, y * y);
-        matrix += row * row.transpose();
+        let from = point - center;
+        let [x, y, z] = [from.dot(&first) / reach, from.dot(&second) / reach, from.dot(&normal) / bulge];
+        let row = SVector::<f64, 10>::from([1.0, x, y, z, x * x, x * y, y * y, x * z, y * z, z * z]);
+        matrix += row * row.transpose() / count;
     }
-    let least = matrix.symmetric_eigenvalues().min().max(0.0);
-    off < TOLD * least.sqrt() * reach * reach / (2.0 * sphere.radius)
+    // The first one is that of the sphere.
+    let mut squares: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
+    squares.sort_by(f64::total_cmp);
+    let next = squares[1].max(0.0).sqrt();
+    next > LEAST_OTHER && off < OF_OTHER * next * bulge
 }
 
 #[cfg(test)]
@@ -285,6 +271,23 @@ mod tests {
             let mesh =
                 SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top());
             assert!(caps_of(&mesh).is_empty());
+        }
+    }
+
+    /// Two arcs that mirror each other are on a sphere, too.
+    #[test]
+    fn the_stave_of_a_barrel_is_no_cap() {
+        for (profile, sides) in [(80.0f64, 12), (80.0, 16), (200.0, 12), (30.5, 24)] {
+            let rows = (0..=12).map(|row| 5.0 * f64::from(row) - 30.0);
+            let across = |y: f64| 30.0 - profile + (profile * profile - y * y).sqrt();
+            let (sin, cos) = (std::f64::consts::PI / f64::from(sides)).sin_cos();
+            let both = |y: f64| [-sin, sin].map(|sin| Point3::new(across(y) * sin, y, across(y) * cos));
+            let positions: Vec<_> = rows.flat_map(both).collect();
+            let triangles: Vec<_> =
+                (0..12).map(|row| 2 * row).flat_map(|a| [[a, a + 1, a + 3], [a, a + 3, a + 2]]).collect();
+            let mesh =
+                SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top());
+            assert!(caps_of(&mesh).is_empty(), "{profile}, {sides}");
         }
     }
 }
