@@ -97,6 +97,20 @@ struct Measured {
     is_alone: bool,
     /// Whether it is between a flat and a curved side.
     is_at_flat: bool,
+    /// Whether this flat may be one of a row of equal facets round a ball or a barrel.
+    may_be_in_row: bool,
+}
+
+/// A flat beside a step.
+struct AtFlat {
+    /// What the curved side explains of the step, or half of what both sides explain, rad.
+    ///
+    /// However a tessellation limits what its chords turn by, or how far they leave the curve, its wide chords turn by no more than its narrow
+    /// ones do: a far wider one explains as much as a narrow one. Other facets that are equally wide may be of one arc that is cut
+    /// unevenly, and explain more, in proportion to their widths.
+    explained: f64,
+    /// Whether it may be one of a row of equal facets round a ball or a barrel.
+    may_be_in_row: bool,
 }
 
 /// The section on one side of a step up to its third corner: lengths between the corners, mm, and by what angles they turn, rad.
@@ -190,7 +204,7 @@ impl Steps<'_> {
             measured[number].as_ref().is_some_and(|step| {
                 step.stands_out_alone()
                     && step.is_alone == is_alone
-                    && !(step.is_at_flat && self.is_bent(number, measured, ends))
+                    && !(step.may_be_in_row && self.is_bent(number, measured, ends))
             })
         };
         let numbers = || 0..self.steps.len();
@@ -331,30 +345,51 @@ impl Steps<'_> {
         if measured.stands_out(STANDS_OUT) {
             return Some(measured);
         }
-        match self.explained_beside_flat(step, measured.turn) {
-            Some(explained) => Some(Measured { explained, is_at_flat: true, ..measured }),
+        match self.beside_flat(step, measured.turn) {
+            Some(AtFlat { explained, may_be_in_row }) => {
+                Some(Measured { explained, is_at_flat: true, may_be_in_row, ..measured })
+            }
             None => Some(measured),
         }
     }
 
-    /// What the curved side explains of a step at a flat that is equally wide all along it, rad: the flat of a shaft.
-    fn explained_beside_flat(&self, step: Facing, turned: f64) -> Option<f64> {
+    /// The flat that is beside a step of a curve, if one is: equally wide all along the step, as that of a shaft is, or far wider than
+    /// the pieces of the curve, as the floor of a bowl is.
+    fn beside_flat(&self, step: Facing, turned: f64) -> Option<AtFlat> {
         let [from, to] = self.facets.ends(step[0] as usize);
         let along = (to - from).try_normalize(0.0)?;
-        let (mut explained, mut widths) = (0.0_f64, [f64::INFINITY, 0.0]);
+        let (mut of_curve, mut by_curvature, mut widths) = (0.0_f64, 0.0_f64, [f64::INFINITY, 0.0]);
+        let (mut is_far_wider, mut are_rows) = (true, true);
         for share in [0.5].iter().chain(&CUTS) {
             let start = from + (to - from) * *share;
             // Fine steps of the curved side are no corners beside a much larger one.
-            let (width, of_curved) = [turned * NO_CORNER, LEAST_CORNER].into_iter().find_map(|least| {
+            let found = [turned * NO_CORNER, LEAST_CORNER].into_iter().find_map(|least| {
                 let beside = step.map(|side| self.beside(side, start, along, least));
                 let flat = [0, 1].into_iter().find(|&side| beside[side].starts_flat(&beside[1 - side]))?;
-                Some((beside[flat].lengths[0], beside[1 - flat].explains()?))
-            })?;
-            explained = explained.max(of_curved);
+                let [flat, curve] = [&beside[flat], &beside[1 - flat]];
+                Some((
+                    flat.lengths[0],
+                    flat.times_as_long(curve),
+                    curve.explains_at_flat()?,
+                    curve.are_rows[0],
+                ))
+            });
+            let (width, times, explained, is_row) = found?;
+            of_curve = of_curve.max(explained);
+            by_curvature = by_curvature.max(explained * (1.0 + times) / 2.0);
             widths = [widths[0].min(width), widths[1].max(width)];
+            is_far_wider &= times > UNEVEN;
+            are_rows &= is_row;
         }
-        let is_strip = widths[1] < EQUAL * widths[0] && (to - from).norm() > STRIP * widths[1];
-        is_strip.then_some(explained)
+        let is_even = widths[1] < EQUAL * widths[0];
+        let is_strip = is_even && (to - from).norm() > STRIP * widths[1];
+        let explained = match is_strip || is_far_wider && are_rows {
+            true => of_curve,
+            false if is_even && are_rows => by_curvature,
+            false => return None,
+        };
+        let is_known = are_rows && (is_far_wider || turned > STILL_STANDS_OUT * by_curvature + LEAST);
+        Some(AtFlat { explained, may_be_in_row: !is_known })
     }
 
     /// What the sections show of a step of a curve: the one in its middle, or, where the step stands out there, of several the one
@@ -397,6 +432,7 @@ impl Steps<'_> {
             height,
             is_alone: known == [None; 2],
             is_at_flat: false,
+            may_be_in_row: false,
         })
     }
 
@@ -493,16 +529,23 @@ fn at_place(ends: &[(u32, u32)], place: u32) -> impl Iterator<Item = usize> {
 impl Beside {
     /// Whether the first piece is longer than the next ones on both sides of it, the more so the less equal these are: a curve is cut
     /// evenly, or finer where something is cut out of it. The flat of a shaft has its edges on the cylinder, and its angles show no
-    /// more than a chord.
+    /// more than a chord. Where the section ends beyond it, nothing shows how equal they are.
     fn starts_flat(&self, other: &Self) -> bool {
-        if self.count < 3 || other.count < 2 {
-            return false;
-        }
-        let [first, next @ ..] = self.lengths;
+        let [shortest, longest] = self.beside_flat(other);
+        other.count > 1 && self.lengths[0] > longest * (LONGER * longest / shortest).min(UNEVEN)
+    }
+
+    /// How many times the first piece is as long as the longest of the next ones on both sides of it.
+    fn times_as_long(&self, other: &Self) -> f64 {
+        let [_, longest] = self.beside_flat(other);
+        self.lengths[0] / longest
+    }
+
+    /// The shortest and the longest of the next pieces on both sides of the first one, mm; 0 where there is none.
+    fn beside_flat(&self, other: &Self) -> [f64; 2] {
+        let [_, next @ ..] = self.lengths;
         let beside = next.into_iter().chain(other.lengths.into_iter().take(2));
-        let [shortest, longest] =
-            beside.fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)]);
-        first > longest * (LONGER * longest / shortest).min(UNEVEN)
+        beside.fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)])
     }
 
     /// Whether the section turns back what the step `turned`, rad, after one row of facets, and goes on straight: two edges of a
@@ -515,9 +558,21 @@ impl Beside {
         self.are_rows[0] && goes_straight_on && back > 0.0 && back.max(turned.abs()) > most
     }
 
-    /// What the corners explain of the step at the section's start, rad: on a curve that is cut evenly half of the next one, and
-    /// where lengths differ much the shorter piece is the curved one. `None` where the section ends before a corner.
+    /// What the corners explain of the step at the section's start, rad. `None` where the section ends before a corner.
     fn explains(&self) -> Option<f64> {
+        Some(self.explains_by_near()?.max(self.explains_by_far()))
+    }
+
+    /// The same beside a flat, where a far corner that is an edge explains nothing.
+    fn explains_at_flat(&self) -> Option<f64> {
+        let [near, far] = self.turns.map(f64::abs);
+        let is_edge = far > STILL_STANDS_OUT * near + LEAST;
+        if is_edge { self.explains_by_near() } else { self.explains() }
+    }
+
+    /// What the next corner explains of the step at the section's start, rad: on a curve that is cut evenly half of it, and
+    /// where lengths differ much the shorter piece is the curved one.
+    fn explains_by_near(&self) -> Option<f64> {
         let is_even = |one: f64, other: f64| one < UNEVEN * other && other < UNEVEN * one;
         let ([first, second, third], [near, far]) = (self.lengths, self.turns.map(f64::abs));
         let is_swaying =
@@ -540,8 +595,156 @@ impl Beside {
             None if first > second => 0.0,
             None => near,
         };
-        let is_evenly_cut = has_far && is_even(first, second) && is_even(second, third);
-        let by_far = if is_evenly_cut { far * first / (second + third) } else { 0.0 };
-        Some(explained.max(by_far))
+        Some(explained)
+    }
+
+    /// What the far corner explains of the step on a curve that is cut evenly, rad.
+    fn explains_by_far(&self) -> f64 {
+        let [first, second, third] = self.lengths;
+        let is_even = |one: f64, other: f64| one < UNEVEN * other && other < UNEVEN * one;
+        let is_evenly_cut = self.count > 2 && is_even(first, second) && is_even(second, third);
+        if is_evenly_cut { self.turns[1].abs() * first / (second + third) } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::super::SmoothMesh;
+    use super::*;
+    use crate::geometry::mesh::TriMesh;
+    use crate::geometry::space::View;
+
+    /// A curve that begins at a distance from the axis with a slope, deg, and goes on in arcs: each of a radius, mm, and so many chords
+    /// that turn by so much, deg. Places across and along the axis, mm.
+    fn profile(start: f64, slope: f64, arcs: &[(f64, u32, f64)]) -> Vec<[f64; 2]> {
+        let (mut at, mut slope) = ([start, 0.0], slope.to_radians());
+        let mut places = vec![at];
+        for &(radius, chords, step) in arcs {
+            let step = step.to_radians();
+            for _ in 0..chords {
+                let next = slope + step;
+                at[0] += radius * (next.sin() - slope.sin());
+                at[1] += radius * (slope.cos() - next.cos());
+                slope = next;
+                places.push(at);
+            }
+        }
+        places
+    }
+
+    /// The part that a profile gives about the z axis, without normals; its first place is the rim of a polygon.
+    fn turned(profile: &[[f64; 2]], sectors: u32) -> SmoothMesh {
+        let place = |&[across, along]: &[f64; 2]| {
+            (0..sectors).map(move |sector| {
+                let angle = f64::from(sector) / f64::from(sectors) * TAU;
+                Point3::new(across * angle.cos(), across * angle.sin(), along)
+            })
+        };
+        let positions: Vec<_> = profile.iter().flat_map(place).collect();
+        let rows = (1..profile.len() as u32).map(|row| row * sectors);
+        let cells = rows.flat_map(|outer| {
+            (0..sectors).map(move |sector| [sector, (sector + 1) % sectors].map(|sector| outer + sector))
+        });
+        let mut triangles: Vec<[u32; 3]> = cells
+            .flat_map(|[a, b]| [[a - sectors, a, b], [a - sectors, b, b - sectors]])
+            .chain((2..sectors).map(|sector| [0, sector - 1, sector]))
+            .collect();
+        // The profile runs outwards, so that this is the upper side.
+        triangles.sort_unstable();
+        SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top())
+    }
+
+    /// The same profile about the x axis, mirrored at its first place, which is half of a straight side, and without ends.
+    fn band(half: f64, profile: &[[f64; 2]], sectors: u32) -> SmoothMesh {
+        let [radius, _] = profile[0];
+        // Across and along change places: the profile begins along the axis.
+        let right = profile.iter().map(|[along, across]| [half + along - radius, radius - across]);
+        let left: Vec<[f64; 2]> = right.clone().map(|[along, across]| [-along, across]).collect();
+        let places: Vec<[f64; 2]> = left.into_iter().rev().chain(right).collect();
+        let place = |&[along, across]: &[f64; 2]| {
+            (0..sectors).map(move |sector| {
+                let angle = f64::from(sector) / f64::from(sectors) * TAU;
+                Point3::new(along, across * angle.cos(), across * angle.sin())
+            })
+        };
+        let positions: Vec<_> = places.iter().flat_map(place).collect();
+        let triangles: Vec<[u32; 3]> = (1..places.len() as u32)
+            .flat_map(|row| (0..sectors).map(move |sector| (row * sectors, sector, (sector + 1) % sectors)))
+            .flat_map(|(row, one, next)| {
+                let [a, b, c, d] = [row - sectors + one, row + one, row + next, row - sectors + next];
+                [[a, c, b], [a, d, c]]
+            })
+            .collect();
+        SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles).unwrap(), &View::top())
+    }
+
+    fn corners_of(mesh: &SmoothMesh, is_chosen: impl Fn(&Point3<f64>) -> bool) -> Vec<usize> {
+        let is_chosen = |&triangle: &usize| mesh.corners(triangle).0.iter().all(&is_chosen);
+        (0..mesh.triangles.len()).filter(is_chosen).collect()
+    }
+
+    #[test]
+    fn a_flat_floor_ends_at_an_edge_that_turns_by_more_than_the_wall_does() {
+        // Slope at the edge and turn of a chord, deg; radius of the floor and of the wall, mm; chords.
+        for (slope, step, floor, wall, chords) in [
+            (28.4, 12.4, 9.0, 22.0, 4),
+            (21.3, 9.8, 4.3, 8.6, 2),
+            (29.0, 17.2, 6.7, 7.7, 2),
+            (9.5, 11.4, 34.9, 56.6, 4),
+            (8.9, 11.7, 7.6, 11.0, 2),
+        ] {
+            for sign in [1.0, -1.0] {
+                let arc = profile(floor, slope, &[(wall, chords, step)]);
+                let arc: Vec<_> = arc.into_iter().map(|[across, along]| [across, sign * along]).collect();
+                for sectors in [19, 24] {
+                    let dish = turned(&arc, sectors);
+                    let flat = corners_of(&dish, |corner| corner.z.abs() < 1e-9);
+                    assert_eq!(flat.len(), sectors as usize - 2);
+                    for triangle in flat {
+                        assert!(dish.corners(triangle).1.iter().all(|normal| (normal.z - 1.0).abs() < 1e-12));
+                        assert_eq!(dish.slope_doubts.get(triangle).copied().unwrap_or(0.0), 0.0);
+                    }
+                    assert_eq!(
+                        dish.regions.iter().max(),
+                        Some(&1),
+                        "{slope} {step} {floor} {wall} {sectors}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_straight_side_ends_at_an_edge_that_turns_by_more_than_the_shoulder_does() {
+        // Half of the side, its radius, the slope at the edge and the turn of a chord, deg, the radius of the shoulder, chords.
+        for (half, radius, slope, step, shoulder, chords) in [
+            (12.1, 23.8, 12.7, 5.6, 40.0, 2),
+            (6.9, 20.3, 18.3, 10.3, 15.0, 4),
+            (6.9, 19.8, 16.4, 8.7, 39.0, 3),
+        ] {
+            let arc = profile(radius, slope, &[(shoulder, chords, step)]);
+            let can = band(half, &arc, 24);
+            for triangle in corners_of(&can, |corner| corner.x.abs() < half + 1e-9) {
+                assert!(can.corners(triangle).1.iter().all(|normal| normal.x.abs() < 1e-9));
+            }
+            assert_eq!(can.regions.iter().max(), Some(&2), "{half} {radius} {slope} {step}");
+        }
+    }
+
+    #[test]
+    fn a_curve_goes_on_in_chords_of_other_lengths() {
+        let is_one = |mesh: &SmoothMesh| mesh.regions.iter().max() == Some(&0);
+        for sectors in [19, 24] {
+            // Flat, and round with the same turn as the far narrower chords beside it.
+            assert!(is_one(&turned(&profile(9.0, 0.0, &[(6.0, 4, 12.4)]), sectors)));
+            assert!(is_one(&turned(&profile(9.0, 6.2, &[(6.0, 4, 12.4)]), sectors)));
+            assert!(is_one(&band(12.0, &profile(20.0, 0.0, &[(8.0, 4, 9.0)]), sectors)));
+            assert!(is_one(&band(12.0, &profile(20.0, 4.5, &[(8.0, 4, 9.0)]), sectors)));
+            // One arc in chords of which the middle one is 2.2 times as long.
+            let half = 40.0 * 6.6f64.to_radians().sin();
+            assert!(is_one(&band(half, &profile(20.0, 6.6, &[(40.0, 3, 6.0)]), sectors)));
+        }
     }
 }
