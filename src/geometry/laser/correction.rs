@@ -41,6 +41,8 @@ const SMOOTH_CORNER: f64 = 0.94;
 const DIRECTION_STEP: f64 = 1e-3;
 /// Shorter curves may lose as much as one of this length, mm, which is far below a laser's spot: noise is not marked.
 const SHORTEST_CURVE: f64 = 0.01;
+/// Shorter lines are as long on the part as they are drawn, mm: those that a repeated point leaves have only the length of its rounding.
+const SHORTEST_LINE: f64 = 0.01;
 /// A line of the field that leaves the image of its drawn line by a smaller share of its length is as long as that.
 const NEGLIGIBLE_OFF: f64 = 1e-5;
 /// Lines that are longer by more than this share are looked at more closely.
@@ -321,6 +323,9 @@ impl Projection<'_> {
     /// them, mm: it leaves the image of that line to one side or both, as a plane section of a round part does.
     fn lengthening(&self, from: FlatPoint, to: FlatPoint) -> Result<f64, AboveLens> {
         let way = to - from;
+        if way.norm() < SHORTEST_LINE {
+            return Ok(0.0);
+        }
         let ends = [self.aim(from)?, self.aim(to)?];
         // The point of the drawing whose image is at a share of the line.
         let marked = |share: f64| -> Result<FlatPoint, AboveLens> {
