@@ -13,6 +13,7 @@ use super::{
 };
 use crate::formats::Pace;
 use crate::geometry::chord_normals;
+use crate::geometry::cracks::{self, Cracks};
 use crate::geometry::flat_shading::{OpenFacets, Rounding};
 use crate::geometry::holes::{self, Bridge};
 use crate::geometry::mesh::{MeshError, TriMesh};
@@ -372,6 +373,7 @@ impl RawPart {
 /// What was found of a mesh, and what its surface follows.
 #[derive(Default)]
 struct Understood {
+    cracks: Option<Cracks>,
     winding: Winding,
     bridges: Vec<Bridge>,
     noise: Option<MeshNoise>,
@@ -400,6 +402,7 @@ fn understood_mesh(
     clues: &Clues,
     options: &MeshOptions,
 ) -> Result<(TriMesh, Understood), MeshReadError> {
+    let (mesh, cracks) = cracks::joined(mesh);
     let (mesh, winding) = winding::made_alike(mesh);
     if mesh.normals().is_empty() && winding.spoilt_normals > 0 {
         *found = NormalsFound::None;
@@ -457,6 +460,7 @@ fn understood_mesh(
             .max_by(|one, other| one.bulge.total_cmp(&other.bulge)),
         keeps_facets: if *found == NormalsFound::None { "facets" } else { "file" },
         has_flat_facets: !turns.is_empty(),
+        cracks,
         winding,
         bridges,
         noise,
@@ -517,13 +521,24 @@ impl Understood {
             Notice::warning("facets-flat", message)
         });
         let noisy = self.noise.zip(self.used).map(|(noise, used)| noise.notice(used));
-        winding_notices(&self.winding, triangles)
+        let cracks = self.cracks.as_ref().map(crack_notice).into_iter();
+        cracks
+            .chain(winding_notices(&self.winding, triangles))
             .chain(bridge_notice(&self.bridges))
             .chain(lacking)
             .chain(noisy)
             .chain(rounded)
             .chain(flat)
     }
+}
+
+fn crack_notice(Cracks { sides, width, at }: &Cracks) -> Notice {
+    let message = format!(
+        "triangles of the mesh do not quite meet: {sides} pairs of sides that are up to {width:.4} mm apart were joined; the \
+         farthest apart are near ({:.2}, {:.2}, {:.2}) mm of the part",
+        at.x, at.y, at.z
+    );
+    Notice::note("cracks-joined", message).at_places([(*at).into()])
 }
 
 fn bridge_notice(bridges: &[Bridge]) -> Option<Notice> {

@@ -9,8 +9,8 @@ use super::disjoint_sets::DisjointSets;
 /// the last of three decimals.
 pub(super) const WELD_DISTANCE: f64 = 5e-4;
 
-/// Size of the cells in which positions are looked up, mm: few positions are near the border of one.
-const WELD_CELL: f64 = 16.0 * WELD_DISTANCE;
+/// Size of the cells in which positions are looked up, as a multiple of the distance: few positions are near the border of one.
+const CELL: f64 = 16.0;
 
 /// The normal of a triangle whose smallest height is less than this, mm, is not reliable.
 const SLIVER: f64 = 0.005;
@@ -21,6 +21,11 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// For each position, the number of its place, from 0 in the order of first appearance. Positions closer together than
 /// [`WELD_DISTANCE`] to the first one at a place share it, and so do places that a position between them connects.
 pub(crate) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
+    weld_within(positions, WELD_DISTANCE)
+}
+
+/// The same with another distance, mm.
+pub(super) fn weld_within(positions: &[Point3<f64>], distance: f64) -> Vec<u32> {
     // Open addressing with at most half of the slots used; each slot holds the first item at its place. No two of these are closer
     // together than the distance, so that a cell has few of them however many positions are in it.
     let mut first = vec![NONE; (positions.len() * 2).next_power_of_two()];
@@ -29,14 +34,14 @@ pub(crate) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
     let mut count = 0;
     let mut connected: Vec<[u32; 2]> = Vec::new();
     for (index, here) in positions.iter().enumerate() {
-        let cell = Cell::of(here);
+        let cell = Cell::of(here, distance);
         let apart = |slot: usize| (positions[first[slot] as usize] - here).norm_squared();
         let number = |slot: usize| numbers[first[slot] as usize];
         if let Some(same) = chain(&first, cell.number).find(|&slot| apart(slot) == 0.0) {
             numbers[index] = number(same);
             continue;
         }
-        let is_close = |&slot: &usize| apart(slot) < WELD_DISTANCE * WELD_DISTANCE;
+        let is_close = |&slot: &usize| apart(slot) < distance * distance;
         let place = {
             let chains = cell.within_reach().flat_map(|number| chain(&first, number));
             let mut close = chains.filter(is_close).map(number);
@@ -67,22 +72,21 @@ pub(crate) fn weld(positions: &[Point3<f64>]) -> Vec<u32> {
 /// A cell of the grid in which positions are looked up.
 struct Cell {
     number: Vector3<i64>,
-    /// Along each axis, the step to the cell beside it that is within [`WELD_DISTANCE`]; 0 if none is.
+    /// Along each axis, the step to the cell beside it that is within the distance; 0 if none is.
     beside: Vector3<i64>,
 }
 
 impl Cell {
-    /// The cell with a position.
-    fn of(position: &Point3<f64>) -> Self {
-        let scaled = position.coords / WELD_CELL;
+    /// The cell with a position, for a distance in mm.
+    fn of(position: &Point3<f64>, distance: f64) -> Self {
+        let scaled = position.coords / (CELL * distance);
         let number = scaled.map(f64::floor);
-        let beside = (scaled - number).map(|share| {
-            i64::from(share > 1.0 - WELD_DISTANCE / WELD_CELL) - i64::from(share < WELD_DISTANCE / WELD_CELL)
-        });
+        let beside = (scaled - number)
+            .map(|share| i64::from(share > 1.0 - 1.0 / CELL) - i64::from(share < 1.0 / CELL));
         Self { number: number.map(|value| value as i64), beside }
     }
 
-    /// The numbers of the cells with positions within [`WELD_DISTANCE`]: this one, and those beside it.
+    /// The numbers of the cells with positions within the distance: this one, and those beside it.
     fn within_reach(&self) -> impl Iterator<Item = Vector3<i64>> {
         let step = |axis: usize| if self.beside[axis] == 0 { 0..1 } else { 0..2 };
         let steps =

@@ -75,25 +75,13 @@ struct Border(Vec<Side>);
 
 impl Border {
     fn of(mesh: &TriMesh) -> Self {
-        // Round a vertex within the mesh each neighbour is the next corner of one triangle and the one before of another.
-        let mark = |vertex: u32| {
-            let mixed = (u64::from(vertex) + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-            (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9)
-        };
-        let mut sums = vec![0u64; mesh.positions().len()];
-        for &[a, b, c] in mesh.triangles() {
-            for (here, next, before) in [(a, b, c), (b, c, a), (c, a, b)] {
-                let sum = &mut sums[here as usize];
-                *sum = sum.wrapping_add(mark(next)).wrapping_sub(mark(before));
-            }
-        }
-        let ends: Vec<u32> = (0..sums.len() as u32).filter(|&vertex| sums[vertex as usize] != 0).collect();
+        let ends = ends_of_border(mesh);
         if ends.is_empty() {
             return Self(Vec::new());
         }
         let positions: Vec<Point3<f64>> =
             ends.iter().map(|&vertex| mesh.positions()[vertex as usize]).collect();
-        let mut places = vec![NONE; sums.len()];
+        let mut places = vec![NONE; mesh.positions().len()];
         for (&vertex, place) in ends.iter().zip(weld(&positions)) {
             places[vertex as usize] = place;
         }
@@ -184,6 +172,23 @@ impl Border {
         let triangles = triangles.iter().map(|triangle| triangle.map(|at| vertices[at])).collect();
         leads.then_some((Bridge { at, width, sides }, triangles))
     }
+}
+
+/// The vertices at which a mesh ends, by their numbers, ascending; those that triangles repeat at one place are among them.
+pub(super) fn ends_of_border(mesh: &TriMesh) -> Vec<u32> {
+    // Round a vertex within the mesh each neighbour is the next corner of one triangle and the one before of another.
+    let mark = |vertex: u32| {
+        let mixed = (u64::from(vertex) + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        (mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9)
+    };
+    let mut sums = vec![0u64; mesh.positions().len()];
+    for &[a, b, c] in mesh.triangles() {
+        for (here, next, before) in [(a, b, c), (b, c, a), (c, a, b)] {
+            let sum = &mut sums[here as usize];
+            *sum = sum.wrapping_add(mark(next)).wrapping_sub(mark(before));
+        }
+    }
+    (0..sums.len() as u32).filter(|&vertex| sums[vertex as usize] != 0).collect()
 }
 
 fn across([a, b, c]: [Point3<f64>; 3]) -> Vector3<f64> {

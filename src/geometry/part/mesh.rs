@@ -174,6 +174,13 @@ impl TriMesh {
         self
     }
 
+    /// The same mesh with its vertices at other places; `moved` returns that of a vertex for the one that it has, mm.
+    pub(super) fn with_moved(mut self, moved: impl Fn(usize, Point3<f64>) -> Point3<f64>) -> Self {
+        let positions = self.positions.iter_mut().enumerate();
+        positions.for_each(|(vertex, position)| *position = moved(vertex, *position));
+        self
+    }
+
     /// The mesh with only the triangles for which `is_kept` is true.
     pub(super) fn with_only(&self, is_kept: &[bool]) -> Self {
         let kept = self.triangles.iter().zip(is_kept).filter(|(_, is_kept)| **is_kept);

@@ -9,6 +9,7 @@ pub mod winding;
 pub(crate) mod rounding;
 pub mod noise;
 pub mod holes;
+pub mod cracks;
 pub mod chord_normals;
 pub(crate) mod shape_fit;
 pub mod cylinder;
