@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::adjacency::{WELD_DISTANCE, turn_in_view};
+use super::adjacency::{WELD_DISTANCE, facet_normal, turn_in_view};
 use super::cone::Cone;
 use super::curved_triangle::Hit;
 use super::mesh::TriMesh;
@@ -442,6 +442,7 @@ impl<'f> FacingPart<'f> {
                 let lead = if hit.on_patch { 0.0 } else { 2.0 * bulge };
                 match known {
                     Some((_, old)) if old.on_patch && hit.height <= old.height + lead => {}
+                    Some((other, old)) if self.bulges_through(triangle, *other as usize, at, old) => {}
                     Some((_, old)) if !old.on_patch && hit.height + 2.0 * bulge <= old.height => {}
                     Some((_, old)) if !old.on_patch && !hit.on_patch && hit.height <= old.height => {}
                     _ => *known = Some((covered.triangle, hit)),
@@ -456,6 +457,18 @@ impl<'f> FacingPart<'f> {
         }
     }
 
+    /// Whether a triangle that faces away from the laser is above a hit on another one by its bulge alone, as the underside of a thin
+    /// wall with coarse facets may be: the laser meets the side that faces it.
+    fn bulges_through(&self, triangle: usize, other: usize, at: Vector2<f64>, hit: &Hit) -> bool {
+        let flat_height = || {
+            let points = self.mesh.corners(triangle).0;
+            let normal = facet_normal(points);
+            points[0].z - normal.xy().dot(&(at - points[0].coords.xy())) / normal.z
+        };
+        let faces_away = self.turn(triangle) < 0.0 && self.turn(other) > 0.0;
+        faces_away && flat_height() < hit.height && self.are_apart(triangle, other)
+    }
+
     /// [`turn_in_view`] of a triangle.
     fn turn(&self, triangle: usize) -> f64 {
         turn_in_view(self.mesh.corners(triangle).0)
@@ -463,9 +476,13 @@ impl<'f> FacingPart<'f> {
 
     /// Whether two triangles that are hit at one node face the same way and have no corner in common.
     fn are_skins(&self, one: usize, other: usize) -> bool {
+        self.turn(one) * self.turn(other) > 0.0 && self.are_apart(one, other)
+    }
+
+    /// Whether two triangles have no corner in common.
+    fn are_apart(&self, one: usize, other: usize) -> bool {
         let [one_places, other_places] = [one, other].map(|triangle| self.mesh.corners(triangle).0);
-        let touch = one_places.iter().any(|place| other_places.contains(place));
-        self.turn(one) * self.turn(other) > 0.0 && !touch
+        !one_places.iter().any(|place| other_places.contains(place))
     }
 
     fn slopes(&self, hits: &[Option<(u32, Hit)>]) -> Vec<Slope> {
@@ -942,6 +959,27 @@ mod tests {
         let size = field.extents().size();
         assert!(size.min() > 9.0 - 1e-9 && size.max() < 10.0 + 1e-9, "{size}");
         assert!(!field.is_surface(ViewPoint::new(2.2, 0.0)) && field.is_surface(ViewPoint::new(3.2, 0.0)));
+    }
+
+    #[test]
+    fn an_underside_does_not_bulge_through_a_thin_wall() {
+        // The underside of a plate of 0.2 mm has the normals of an arch of 10 mm.
+        let angle = 0.2f64;
+        let sagitta = 5.0 * (angle / 2.0).tan();
+        let square = |z: f64| [[-5.0, -5.0, z], [5.0, -5.0, z], [5.0, 5.0, z], [-5.0, 5.0, z]];
+        let arch = |at: Point3<f64>| Vector3::new(-angle.sin() * at.x.signum(), 0.0, -angle.cos());
+        let below = square(-0.2).map(Point3::from);
+        let underside = (below.to_vec(), below.map(arch).to_vec(), vec![[0, 2, 1], [0, 3, 2]]);
+        let mut plate = underside.clone();
+        plate.0.extend(square(0.0).map(Point3::from));
+        plate.1.extend([Vector3::z(); 4]);
+        plate.2.extend([[4, 5, 6], [4, 6, 7]]);
+        for ((positions, normals, triangles), expected) in [(underside, sagitta - 0.2), (plate, 0.0)] {
+            let part = TriMesh::new(positions, normals, triangles).unwrap();
+            let field = FacingPart::new(&part, &View::top()).sampled(0.5);
+            let highest = field.surface_nodes().map(|(_, _, height)| height).fold(f64::MIN, f64::max);
+            assert!((highest - expected).abs() < 1e-3, "{highest} mm for {expected} mm");
+        }
     }
 
     #[test]
