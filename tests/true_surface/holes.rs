@@ -140,6 +140,27 @@ fn two_neighbouring_triangles_are_bridged_and_a_wider_hole_when_the_settings_say
     assert!(notice(&reading).is_some() && off_there < 0.002, "{off_there} mm");
 }
 
+#[test]
+fn triangles_that_do_not_quite_meet_continue_each_other() {
+    let mesh = shapes::graph(20.0, 4.0, dome);
+    let corners: Vec<Point3<f64>> =
+        mesh.triangles().iter().flat_map(|&corners| mesh.corners(corners)).collect();
+    for by in [0.0, 4e-4, 1e-3] {
+        // By a different length along each axis for each corner.
+        let step = |index: usize, axis: usize| by * ((1 + index * 3 + axis) as f64 * 12.9898).sin();
+        let moved = corners.iter().enumerate();
+        let moved = moved.map(|(index, at)| at + Vector3::from_fn(|axis, _| step(index, axis))).collect();
+        let triangles = (0..corners.len() as u32 / 3).map(|first| [0, 1, 2].map(|corner| 3 * first + corner));
+        let loose = TriMesh::new(moved, Vec::new(), triangles.collect()).unwrap();
+        let reading = read(&loose, false, None);
+        let message = reading.facts.notices.iter().find(|notice| notice.code == "cracks-joined");
+        assert_eq!(message.is_some(), by > 0.0, "{by} mm: {message:?}");
+        // The facets by themselves are up to 0.05 mm below the dome.
+        let off_there = off(&fitted(&reading), [0.0, 0.0], 8.0);
+        assert!(off_there < 0.005 + 2.0 * by, "{by} mm: {off_there} mm");
+    }
+}
+
 /// A flat sheet 40 mm wide with a hole of so many sides and a radius, mm; the rings round the hole have widths.
 fn sheet(sides: u32, radius: f64, rings: &[f64]) -> TriMesh {
     let mut points = Vec::new();
