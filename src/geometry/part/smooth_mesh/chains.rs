@@ -117,9 +117,13 @@ impl<'a> Chains<'a> {
             [None, None] if self.is_steady(ends) || self.bends_evenly(ends) => 0.0,
             [None, None] => {
                 let possible = ways.into_iter().filter_map(|way| self.arrives(way));
-                // A chamfer is flat.
-                let of_chamfer = if self.is_narrow(ends) { error(0.0) } else { 0.0 };
-                (OF_LONE * possible.map(error).fold(0.0, f64::max)).max(of_chamfer)
+                // A chamfer is flat, and so may be a chord that turns by more than the arcs beside it are cut into.
+                let of_flat = match () {
+                    () if self.is_narrow(ends) => error(0.0),
+                    () if self.turns_more(ends, leans) => of_known * error(0.0),
+                    () => 0.0,
+                };
+                (OF_LONE * possible.map(error).fold(0.0, f64::max)).max(of_flat)
             }
         }
     }
@@ -169,6 +173,17 @@ impl<'a> Chains<'a> {
         [[other, one], [one, other]].into_iter().all(|[from, end]| {
             self.straight_on(from, end).is_some_and(|beyond| self.distance([end, beyond]) > IN_TURN * here)
         })
+    }
+
+    /// Whether the normals at the ends of a side lean from it by more than those of the arcs beyond do from their chords, or no arc is
+    /// known there.
+    fn turns_more(&self, [one, other]: [u32; 2], leans: [f64; 2]) -> bool {
+        let of_arcs = [[other, one], [one, other]].into_iter().filter_map(|[from, end]| {
+            let beyond = self.straight_on(from, end)?;
+            self.lean_of_arc([end, beyond])
+        });
+        let most = of_arcs.map(f64::abs).reduce(f64::max).unwrap_or(0.0);
+        leans.into_iter().map(f64::abs).fold(0.0, f64::max) > EVENLY_CUT * most
     }
 
     /// Whether a side is one of the chords of a smooth curve: their lengths change by steady factors, as do those of arcs and
@@ -337,6 +352,11 @@ mod tests {
             .chain(arcs)
             .chain([[2.0 * reach + 30.0, body - 2.0 * fall]])
             .collect();
+        turned(&rings)
+    }
+
+    /// A part whose profile is turned about the x axis: the places along it and the distances from it, mm.
+    fn turned(rings: &[[f64; 2]]) -> SmoothMesh {
         let at = |[x, out]: [f64; 2], step: u32| {
             let angle = TAU * f64::from(step) / f64::from(STEPS);
             Point3::new(x, -out * angle.sin(), out * angle.cos())
@@ -378,5 +398,34 @@ mod tests {
         let [error, doubt] = [squares, doubts].map(|sum: f64| (sum / count).sqrt());
         // A doubt is the mean over lines in all directions, and the grid has many points at the corners, where the error is largest.
         assert!(error > 0.01 && doubt >= 0.5 * error, "{doubt} rad for {error} rad");
+    }
+
+    #[test]
+    fn a_wide_band_beside_shoulders_of_one_facet_may_be_straight() {
+        for (kink, turn) in [(0.15, 0.55), (0.2, 0.26), (0.35, 0.58)] {
+            let (half, out, radius) = (13.0, 22.0, 20.0);
+            let [reach, fall] = [
+                radius * (f64::sin(kink + turn) - f64::sin(kink)),
+                radius * (f64::cos(kink) - f64::cos(kink + turn)),
+            ];
+            let end = [half + reach, out - fall];
+            let part = turned(&[[-end[0], end[1]], [-half, out], [half, out], end]);
+            let (mut squares, mut doubts, mut count) = (0.0, 0.0, 0.0);
+            for triangle in 0..part.triangles.len() {
+                let corners = part.corners(triangle).0;
+                if corners.iter().any(|at| at.x.abs() > half + 1e-9 || at.z < 5.0) {
+                    continue;
+                }
+                // What the patch is inclined along the band.
+                let grid: Vec<f64> =
+                    part.patch(triangle).grid().map(|(_, normal)| normal.x.powi(2)).collect();
+                squares += grid.iter().sum::<f64>() / grid.len() as f64;
+                doubts += f64::from(part.slope_doubts[triangle]).powi(2);
+                count += 1.0;
+            }
+            let [error, doubt] = [squares, doubts].map(|sum: f64| (sum / count).sqrt());
+            // A doubt is the mean over lines in all directions.
+            assert!(error < 0.05 || doubt >= 0.5 * error, "{kink}, {turn}: {doubt} rad for {error} rad");
+        }
     }
 }
