@@ -272,8 +272,8 @@ const CODES: &[Code] = &[
         "cracks-joined",
         "Triangles of the mesh that do not quite meet were joined.",
         "Programs that cut each face into triangles by itself leave cracks of some thousandths of a millimetre. Corners that are \
-         at most 0.005 mm apart are moved to the middle between them. The message gives the number of sides, and the place of the widest \
-         crack.",
+         at most 0.005 mm apart are moved to the middle between them, unless a triangle there has a side below 0.02 mm. The message \
+         gives the number of sides, and the place of the widest crack.",
         "Nothing to do if the part looks right. To get rid of the note, merge the vertices by distance before the export.",
     ]),
     reason([

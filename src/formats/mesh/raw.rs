@@ -534,8 +534,8 @@ impl Understood {
 
 fn crack_notice(Cracks { sides, width, at }: &Cracks) -> Notice {
     let message = format!(
-        "triangles of the mesh do not quite meet: {sides} pairs of sides that are up to {width:.4} mm apart were joined; the \
-         farthest apart are near ({:.2}, {:.2}, {:.2}) mm of the part",
+        "triangles of the mesh do not quite meet: sides that are up to {width:.4} mm apart were joined ({sides} pairs in all), the \
+         farthest apart near ({:.2}, {:.2}, {:.2}) mm of the part",
         at.x, at.y, at.z
     );
     Notice::note("cracks-joined", message).at_places([(*at).into()])
