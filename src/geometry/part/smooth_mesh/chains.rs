@@ -119,10 +119,12 @@ impl<'a> Chains<'a> {
                 let possible = ways.into_iter().filter_map(|way| self.arrives(way));
                 // A chamfer is flat, and so may be the band of a turned part that turns by more than the arcs beside it are cut
                 // into, or beside which none is known.
-                let of_flat = match () {
-                    () if self.is_narrow(ends) => error(0.0),
-                    () if !is_extruded && self.turns_more(ends, leans) => of_known * error(0.0),
-                    () => 0.0,
+                let of_flat = if self.is_narrow(ends) {
+                    error(0.0)
+                } else if !is_extruded && self.turns_more(ends, leans) {
+                    of_known * error(0.0)
+                } else {
+                    0.0
                 };
                 (OF_LONE * possible.map(error).fold(0.0, f64::max)).max(of_flat)
             }
