@@ -13,7 +13,7 @@ use fs_err as fs;
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError, PartReading, Shape, StepProblem};
 use isomark::geometry::fork::InTurn;
 use isomark::geometry::height_field::{FacingPart, Grid, HeightField, Node};
-use isomark::geometry::space::{Facing, View};
+use isomark::geometry::space::{Facing, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::{Point3, Vector3};
 
@@ -110,6 +110,29 @@ fn heights_are_exact_on_all_kinds_of_surfaces_and_in_all_units() {
         let side = (at.x / 30.0).powi(2) + (at.z / 12.0).powi(2) - 1.0;
         [side, at.y, at.y - 60.0].into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap()
     });
+}
+
+/// The places of the surface that are nearest to an edge of a thin blade are on its other side.
+#[test]
+fn the_sides_of_a_thin_blade_are_read() {
+    let reading = part("step/blade.step");
+    assert!(reading.facts.notices.iter().all(|notice| notice.code != "step-face-unread"));
+    let side = facing(&reading, &View::new(Facing::towards(Vector3::y()).unwrap(), 0.0));
+    let surface = FittedSurface::of_part(&side, &FitOptions::default()).unwrap();
+    // OpenCASCADE 7.6: where lines along Y meet the shape.
+    for (x, y, height) in [
+        (-8.0, 20.0, 5.216309036),
+        (0.0, 20.0, 5.409828321),
+        (8.0, 20.0, 3.771154297),
+        (-8.0, 50.0, 4.713440837),
+        (0.0, 50.0, 4.924935280),
+        (8.0, 50.0, 3.238272067),
+        (-5.0, 75.0, 4.545628308),
+        (-14.0, 10.0, 4.218293127),
+    ] {
+        let found = surface.sampled_height(ViewPoint::new(x, y)).unwrap();
+        assert!((found - height).abs() < 2e-3, "({x}, {y}): {found} mm for {height}");
+    }
 }
 
 #[test]

@@ -18,6 +18,9 @@ const MAX_STEPS: usize = 40;
 const CLOSED: f64 = 1e-9;
 /// Parameters along a side of a patch from which closest points start, at most.
 const STARTS: usize = 7;
+/// Closest points are looked for from so many of the nearest parameters, and from so many all over the surface.
+const NEAR_STARTS: usize = 8;
+const FAR_STARTS: usize = 48;
 
 /// The surface of a face, unbounded or larger than the face, mm.
 #[derive(Debug, Clone, PartialEq)]
@@ -234,13 +237,16 @@ impl Patches {
             .enumerate()
             .map(|(index, (_, point))| ((point - at).norm_squared(), index))
             .collect();
-        let count = order.len().min(8);
+        let count = order.len().min(NEAR_STARTS);
         if count > 0 {
             order.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0));
             order.truncate(count);
             order.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
-        for (_, index) in order {
+        // The nearest starts may all be on the other side of a thin part: then starts all over the surface.
+        let stride = starts.len().div_ceil(FAR_STARTS).max(1);
+        let all_over = (0..starts.len()).step_by(stride);
+        for index in order.into_iter().map(|(_, index)| index).chain(all_over) {
             let found = self.descend(at, starts[index].0);
             if found.1 < best.1 {
                 best = found;

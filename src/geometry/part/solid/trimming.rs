@@ -60,6 +60,8 @@ pub struct Located {
     pub at: Vector2<f64>,
     /// How far it is from the surface, mm.
     pub distance: f64,
+    /// How far it, or the last one before it that was looked for all over the surface, is from the surface, mm.
+    searched: f64,
     /// Whether it is at a pole, where this parameter has no meaning.
     pub any: Option<usize>,
 }
@@ -76,13 +78,19 @@ impl<'a> Locator<'a> {
 
     /// The parameters of a point, near those of the previous one.
     pub fn find(&self, point: &Point3<f64>, previous: Option<&Located>) -> Located {
-        let plain = |x: f64, y: f64, distance: f64| Located { at: Vector2::new(x, y), distance, any: None };
+        let plain = |x: f64, y: f64, distance: f64| Located {
+            at: Vector2::new(x, y),
+            distance,
+            searched: distance,
+            any: None,
+        };
         let angle = |x: f64, y: f64, size: f64| {
             if x.hypot(y) <= 1e-9 * size.abs() + 1e-12 { None } else { Some(y.atan2(x)) }
         };
         let round = |angle: Option<f64>, v: f64, distance: f64| Located {
             at: Vector2::new(angle.unwrap_or(0.0), v),
             distance,
+            searched: distance,
             any: angle.is_none().then_some(0),
         };
         match self.surface {
@@ -109,9 +117,9 @@ impl<'a> Locator<'a> {
                 round(angle(local.x, local.y, *radius), local.z.atan2(flat), (local.norm() - radius).abs())
             }
             Surface::Patches(patches) => {
-                // Where the edge is off the surface, the next point is, too.
-                let enough =
-                    previous.map_or(self.enough, |previous| self.enough.max(2.0 * previous.distance));
+                // Where the edge is off the surface, the next point is, too. What is allowed does not grow from point to point.
+                let before = previous.map_or(0.0, |previous| previous.searched);
+                let enough = self.enough.max(2.0 * before);
                 let guess = previous.map(|previous| previous.at);
                 let (mut at, distance) = patches.nearest(point, guess, &self.starts, enough);
                 let (domain, poles) = (patches.domain(), patches.poles());
@@ -132,7 +140,8 @@ impl<'a> Locator<'a> {
                         }
                     }
                 }
-                Located { at, distance, any }
+                let searched = if distance <= enough && previous.is_some() { before } else { distance };
+                Located { at, distance, searched, any }
             }
             Surface::Unread(_) => plain(0.0, 0.0, 0.0),
         }
