@@ -274,6 +274,11 @@ pub(super) fn width(points: [Point3<f64>; 3], side: usize) -> f64 {
     along.cross(&(far - from)).norm() / along.norm()
 }
 
+/// The least height of a triangle, mm.
+pub(super) fn least_width(points: [Point3<f64>; 3]) -> f64 {
+    (0..3).map(|side| width(points, side)).fold(f64::INFINITY, f64::min)
+}
+
 /// The longest side of a triangle that is too narrow for a reliable normal, `None` for other triangles. Exporters
 /// make such slivers where the vertices of two faces do not coincide.
 pub(super) fn sliver_side(points: [Point3<f64>; 3]) -> Option<usize> {

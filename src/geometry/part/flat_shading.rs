@@ -5,14 +5,18 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, facet_normal, opposite_sides, weld};
+use super::adjacency::{NONE, facet_normal, least_width, opposite_sides, weld};
 use super::flats::MOST_IN_TURN;
 use super::mesh::TriMesh;
 use super::polygons::{self, ROUNDED};
+use super::rounding;
 use super::smooth_mesh::{CREASE_ANGLE, NORMAL_TOLERANCE, TURN_OF_PRISM};
 
 /// The normal of a facet is within this of that of each of its triangles, rad (1.2°): a polygon may be bent a little.
 const SAME_NORMAL: f64 = 0.021;
+/// The rounding of positions moves the corner of a triangle out of its plane by at most so many standard deviations: normals are
+/// those of the facets before.
+const BY_CHANCE: f64 = 5.0;
 /// Two turns, or two widths, are alike if one is at most this many times the other.
 const ALIKE: f64 = 1.5;
 /// The two triangles of a bent quadrilateral turn by at most this, rad (10°).
@@ -127,12 +131,16 @@ impl Body {
 /// For each triangle, whether it is shaded flat: its corners have the normal of its plane, whichever way round it runs, or of the
 /// polygon that it was cut from. In a mesh without normals, all are.
 fn are_flat(mesh: &TriMesh) -> Vec<bool> {
+    let by_chance = BY_CHANCE * rounding::deviation(mesh.positions());
     let is_flat = |triangle: usize| {
         let (given, plane) = (given(mesh, triangle), plane(mesh, triangle));
-        let is_own = |normal: &Vector3<f64>| {
-            normal.dot(&plane).abs() >= SAME_NORMAL.cos() && (normal - given[0]).norm() < ROUNDED
-        };
-        given.iter().all(is_own)
+        if given.iter().any(|normal| (normal - given[0]).norm() >= ROUNDED) {
+            return false;
+        }
+        let off =
+            given.map(|normal| normal.dot(&plane).abs().min(1.0).acos()).into_iter().fold(0.0, f64::max);
+        let width = least_width(mesh.corners(mesh.triangles()[triangle]));
+        off <= SAME_NORMAL || (width > 0.0 && (off - SAME_NORMAL) * width <= by_chance)
     };
     let mut are_flat: Vec<bool> = (0..mesh.triangles().len()).map(is_flat).collect();
     if !mesh.normals().is_empty() {
@@ -433,6 +441,26 @@ mod tests {
             [[here, here + 1, next + 1], [here, next + 1, next]]
         });
         TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap()
+    }
+
+    /// A bent strip of narrow facets, each with its normal, and its numbers rounded to 1 µm, as those of a file in metres.
+    #[test]
+    fn narrow_facets_are_flat_where_rounding_tilts_them() {
+        let strip = strip(20.0, [0.0005; 2], 0.0);
+        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        for &triangle in strip.triangles() {
+            let corners = strip.corners(triangle);
+            normals.extend([facet_normal(corners); 3]);
+            positions
+                .extend(corners.map(|at| Point3::from(at.coords.map(|along| (along * 1e3).round() / 1e3))));
+        }
+        let triangles: Vec<[u32; 3]> =
+            (0..positions.len() as u32 / 3).map(|first| [0, 1, 2].map(|turn| 3 * first + turn)).collect();
+        let tilted = TriMesh::new(positions, normals, triangles).unwrap();
+        let off =
+            |triangle: usize| plane(&tilted, triangle).dot(&given(&tilted, triangle)[0]) < SAME_NORMAL.cos();
+        assert!((0..tilted.triangles().len()).any(off));
+        assert!(are_flat(&tilted).iter().all(|is_flat| *is_flat));
     }
 
     #[test]

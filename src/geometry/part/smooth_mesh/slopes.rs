@@ -24,7 +24,7 @@ use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
 use super::straightest::{STRAIGHT, Straightest};
-use crate::geometry::adjacency::{NONE, Neighbours, spread, width};
+use crate::geometry::adjacency::{NONE, Neighbours, least_width, spread};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::curved_triangle::direction_between;
 use crate::geometry::fork::{Fork, found, join, mapped};
@@ -151,7 +151,7 @@ impl SmoothMesh {
             let of_vertices = self.scatter_doubt(triangle, estimated, &scatter).powi(2);
             let of_shape = (of_patches + of_curve.powi(2)).max(of_vertices);
             let doubt = (of_shape + OF_NORMALS.powi(2) * of_normals).sqrt();
-            let width = self.least_width(triangle);
+            let width = least_width(self.corners(triangle).0);
             let off = corners.map(|corner| scatter[corner as usize].abs()).into_iter().fold(0.0, f64::max);
             let by_bend = 4.0 * (self.largest_bend(triangle) + off) / shortest;
             let by_width = 4.0 * (of_patches.sqrt() * width + off) / shortest;
@@ -224,14 +224,8 @@ impl SmoothMesh {
     /// By how much the slope of the patch over a sliver, which is narrower than the `shortest` line, mm, may differ from that of the
     /// part because the patch is steep across it, rad; 0 for other triangles.
     pub fn steepness_of_sliver(&self, triangle: usize, shortest: f64) -> f64 {
-        let width = self.least_width(triangle);
+        let width = least_width(self.corners(triangle).0);
         if width < shortest { 4.0 * self.bulge(triangle) / width } else { 0.0 }
-    }
-
-    /// The least height of a triangle, mm.
-    fn least_width(&self, triangle: usize) -> f64 {
-        let corners = self.corners(triangle).0;
-        (0..3).map(|side| width(corners, side)).fold(f64::INFINITY, f64::min)
     }
 
     /// The error of the slope over a triangle, rad, root mean square, where its vertices are too high or too low by their `scatter`, mm.
