@@ -30,6 +30,9 @@ const PRIOR: f64 = 1e-3;
 /// If a normal deviates from that of its widest plane by less than this share of the narrow facets' turn, it is
 /// replaced by the plane's normal: the difference is within the third-order error of the chords.
 const MIN_LEAN: f64 = 0.15;
+/// The same for a plane of several triangles that is surrounded by narrow facets. Tessellations do not turn by less at wide chords of
+/// an arc than at narrow ones, so that the normals of a round face would lean by half of the turn there.
+const MIN_LEAN_OF_SURROUNDED: f64 = 0.35;
 /// The facets of a tessellation leave the part by about the same distance everywhere. A plane that is surrounded by narrow facets
 /// is flat where its normal would make it bulge so many times as far as these.
 const IMPLAUSIBLE: f64 = 6.0;
@@ -122,8 +125,10 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
         let leaning = derived.filter(|derived| {
             let angle = derived.angle(&flat);
             let is_plausible = || angle * span.width <= IMPLAUSIBLE * span.turn * span.narrowest;
-            angle >= MIN_LEAN * span.turn
-                && (!planes.are_divided[widest] || !is_surrounded[widest] || is_plausible())
+            match planes.are_divided[widest] && is_surrounded[widest] {
+                true => angle >= MIN_LEAN_OF_SURROUNDED * span.turn && is_plausible(),
+                false => angle >= MIN_LEAN * span.turn,
+            }
         });
         // A face of several triangles can be flat. A single triangle may be a long chord of a curved surface, unless
         // the derived normal shows that it is flat.
