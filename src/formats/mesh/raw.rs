@@ -426,7 +426,7 @@ fn understood_mesh(
     } else {
         mesh.without_normals_at(chosen)
     };
-    let judged = shading::judged(&mesh);
+    let judged = shading::judged(&mesh, clues.knows_faces());
     if judged.only_shades {
         *found = NormalsFound::Averaged;
     }

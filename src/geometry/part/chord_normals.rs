@@ -1,6 +1,6 @@
 //! What the normals at both ends of a chord show of the curve that it cuts off.
 
-use nalgebra::{Matrix2x3, Matrix3, Point3, Vector2, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::mesh::TriMesh;
 
@@ -12,9 +12,6 @@ const SAMPLE: usize = 20_000;
 /// The normals at the ends of a chord of a smooth curve lean from it by angles that differ by at most this share of the turn
 /// between them: one is a third of the turn, the other two thirds, where the curvature grows evenly from nothing.
 const MOST_UNEVEN: f64 = 1.0 / 3.0;
-
-/// Chords run in one direction where the second moment across it is a smaller share of all than this.
-const ONE_DIRECTION: f64 = 1e-9;
 
 /// A side of a mesh with the normals at its ends.
 #[derive(Debug, Clone, Copy)]
@@ -58,32 +55,6 @@ pub(super) fn are_of_smooth_curves(chords: impl Iterator<Item = (Chord, f64)>) -
 /// The normals at both ends of an arc lean from its chord by equal and opposite angles.
 pub(super) fn unevenness(chords: &[Chord]) -> f64 {
     let squares: f64 = chords.iter().map(|chord| chord.unevenness().powi(2)).sum();
-    (squares / chords.len().max(1) as f64).sqrt()
-}
-
-/// By how much the turns along chords that start at one place, with one `normal` there, differ from those along a surface whose
-/// curvatures are the same all round it, rad, root mean square; 0 on cylinders and spheres, and if there are no chords.
-///
-/// On a surface, the normal turns by a symmetric map of the way (Weingarten).
-pub(super) fn roughness(chords: &[Chord], normal: &Vector3<f64>) -> f64 {
-    let aside = if normal.x.abs() < 0.5 { Vector3::x() } else { Vector3::y() };
-    let Some(across) = normal.cross(&aside).try_normalize(0.0) else { return 0.0 };
-    let flat = |vector: Vector3<f64>| Vector2::new(vector.dot(&across), vector.dot(&normal.cross(&across)));
-    let flat_chords = || {
-        chords.iter().map(|chord| {
-            let [way, turn] = [chord.ends[1] - chord.ends[0], chord.normals[1] - chord.normals[0]].map(flat);
-            (Matrix2x3::new(way.x, way.y, 0.0, 0.0, way.x, way.y), turn)
-        })
-    };
-    let (mut sums, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for (ways, turn) in flat_chords() {
-        sums += ways.transpose() * ways;
-        right += ways.transpose() * turn;
-    }
-    // Chords that all run in one direction show nothing of the others.
-    let least = sums.trace() * ONE_DIRECTION;
-    let Ok(curvatures) = sums.svd(true, true).solve(&right, least) else { return 0.0 };
-    let squares: f64 = flat_chords().map(|(ways, turn)| (ways * curvatures - turn).norm_squared()).sum();
     (squares / chords.len().max(1) as f64).sqrt()
 }
 
@@ -140,36 +111,5 @@ mod tests {
         let chord =
             Chord { ends: [Point3::origin(), Point3::new(20.0, 0.0, 0.0)], normals: [leaning, Vector3::z()] };
         assert!(!are_of_smooth_curves([(chord, 1.0)].into_iter()));
-    }
-
-    /// The chords from a place on a cylinder round the x axis to those before and after it, by angles rad, and along x; with the
-    /// normals of the cylinder turned by `off` at each of the three angles.
-    fn round_a_cylinder(radius: f64, ways: [f64; 2], off: [f64; 3]) -> Vec<Chord> {
-        let normal = |angle: f64| Vector3::new(0.0, angle.sin(), angle.cos());
-        let at = |x: f64, angle: f64, off: f64| {
-            let place = Point3::from(normal(angle) * radius + Vector3::x() * x);
-            (place, normal(angle + off))
-        };
-        let from = at(0.0, 0.0, off[1]);
-        let ends = [at(0.0, -ways[0], off[0]), at(0.0, ways[1], off[2]), at(30.0, 0.0, off[1])];
-        ends.map(|to| Chord { ends: [from.0, to.0], normals: [from.1, to.1] }).to_vec()
-    }
-
-    #[test]
-    fn turns_along_a_cylinder_are_those_of_one_curvature_and_averages_of_unequal_facets_are_not() {
-        let normal = Vector3::z();
-        for (one, other) in [(0.1, 0.1), (0.1, 0.2), (0.4, 0.05)] {
-            let exact = roughness(&round_a_cylinder(20.0, [one, other], [0.0; 3]), &normal);
-            assert!(exact < 1e-9, "{one} {other}: {exact}");
-            // Facets as wide as these two take turns: an average leans from the radius by a quarter of their difference.
-            let lean: f64 = (other - one) / 4.0;
-            let chords = round_a_cylinder(20.0, [one, other], [-lean, lean, -lean]);
-            let rough = roughness(&chords, &Vector3::new(0.0, lean.sin(), lean.cos()));
-            // Both facets turn by the mean of the two, t: no curvature c has c one = c other = t.
-            let (turn, fit) = ((one + other) / 2.0, (one + other) / (one * one + other * other));
-            let parts = [one, other].map(|way| (turn - turn * fit * way).powi(2));
-            let expected = (parts.iter().sum::<f64>() / 3.0).sqrt();
-            assert!((rough - expected).abs() < 0.05 * expected + 1e-9, "{one} {other}: {rough} {expected}");
-        }
     }
 }

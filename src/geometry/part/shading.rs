@@ -23,6 +23,8 @@ const MIN_BULGE: f64 = 0.002;
 /// A normal equals an average when the angle between them is at most this, rad: files round normals to three or four
 /// digits.
 const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
+/// The same where nothing but the rounding of the file may part them. Exact normals of arcs that are not cut evenly differ by more.
+const WRITTEN: f64 = 0.05 * std::f64::consts::PI / 180.0;
 /// Facets at a vertex whose normals differ by at most this, rad, are treated as one plane.
 const COPLANAR: f64 = std::f64::consts::PI / 180.0;
 /// In meshes of at most this many triangles, coplanar triangles are grouped into faces; in larger meshes every
@@ -31,13 +33,6 @@ const SMALL: usize = 6_000;
 /// Two directions are distinguished when their angle is at least this share of the facets' bend at the vertex:
 /// estimates on coarse meshes are wrong by a few per cent of it.
 const MIN_SHARE_OF_BEND: f64 = 0.2;
-/// The same share where everything is an average, and the curvature or the leans of the file's normals are so many times as uneven as
-/// those of the estimate.
-const MIN_SHARE_WHERE_SMOOTHER: f64 = 0.05;
-const MANY_TIMES_SMOOTHER: f64 = 10.0;
-const MANY_TIMES_EVENER: f64 = 3.0;
-/// Rounding makes them uneven by at most so many times its standard deviation over the shortest side, rad.
-const BY_CHANCE: f64 = 4.0;
 /// The smallest distinguished angle, rad, where the estimate is the normal of one of the facets, as beside a flat side.
 const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
 /// The same share where the estimate stands at right angles to a side, to within this sine, that the file's normal would make
@@ -138,7 +133,7 @@ pub struct Judgement {
 
 /// Whether the normals of the file are only averages of its facets, for shading. `false` for a mesh without normals.
 pub fn only_shade(mesh: &TriMesh) -> bool {
-    judged(mesh).only_shades
+    judged(mesh, false).only_shades
 }
 
 /// Judges the normals of a file. For a mesh without normals nothing is found.
@@ -146,10 +141,11 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
 /// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
 /// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
 /// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
-/// one: the vertex then votes for a surface. Where all normals are averages, small differences count, too, if the estimate has one
-/// curvature or leans far more evenly, as on a cylinder whose facets are not all as wide. A vertex at the border of a curved face whose
-/// normal leaves the facets there votes for a surface.
-pub fn judged(mesh: &TriMesh) -> Judgement {
+/// one: the vertex then votes for a surface. A vertex at the border of a curved face whose normal leaves the facets there votes for
+/// a surface, too. Where nearly all normals are averages to the last digit, they tell nothing that the facets do not, and every
+/// difference is a vote for shading: the averages round a flat top with a bevel are the normals of a sphere. A program that
+/// `knows_faces` writes no averages; those of its arcs are cut evenly.
+pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
     if mesh.normals().is_empty() {
         return Judgement::default();
     }
@@ -159,11 +155,11 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
     let places = Places::sampled(mesh, planes.as_deref());
     let mut averages: Vec<Averages> =
         places.facets.iter().flat_map(|facets| Averages::at(mesh, facets)).collect();
-    let matches = |averages: &[Averages], weighting: usize| {
-        averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
+    let matches = |averages: &[Averages], weighting: usize, limit: f64| {
+        averages.iter().filter(|there| is_within(there.file, there.averages[weighting], limit)).count()
     };
     let Some((averaged, weighting)) = (0..WEIGHTINGS)
-        .map(|weighting| (matches(&averages, weighting), weighting))
+        .map(|weighting| (matches(&averages, weighting, SAME), weighting))
         .max_by_key(|(count, _)| *count)
     else {
         return Judgement::default();
@@ -173,11 +169,13 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
     if averages.is_empty() || (averaged as f64) < MIN_SHARE_OF_AVERAGES * all as f64 {
         return judgement(false);
     }
-    let is_all = averaged as f64 > ALL_AVERAGES * all as f64;
+    let leaving: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
+    let are_nearly_all = |count: usize| count as f64 > ALL_AVERAGES * all as f64;
     let steep = averages.iter().filter(|there| there.bend > MOST_BEND).count();
-    if is_all && 2 * steep > all {
+    if are_nearly_all(averaged) && 2 * steep > all {
         return judgement(true);
     }
+    let is_all = !knows_faces && leaving == 0 && are_nearly_all(matches(&averages, weighting, WRITTEN));
     let estimate = match whole {
         Some(smooth) => Estimate { smooth, part: None },
         None => {
@@ -191,11 +189,15 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
         }
     };
     let mut shading = 0usize;
-    let mut surface: usize = places.facets.iter().map(|facets| count_leaving(mesh, facets)).sum();
+    let mut surface = leaving;
     for there in &averages {
         let Some(estimated) = estimate.normal(there.corner) else { continue };
         let average = there.averages[weighting];
         let apart = angle(average, estimated);
+        if is_all {
+            shading += usize::from(apart > WRITTEN);
+            continue;
+        }
         let least = if there.is_normal_of_a_face(estimated) {
             MIN_ANGLE_TO_FACE
         } else if there.holds_a_side(mesh, estimated) {
@@ -203,24 +205,13 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
         } else {
             SAME.max(there.bend * MIN_SHARE_OF_BEND)
         };
-        // Where everything is an average, an estimate that turns so much more evenly is better than it is elsewhere.
-        let is_close = apart < least;
-        if is_close && !(is_all && apart >= SAME.max(there.bend * MIN_SHARE_WHERE_SMOOTHER)) {
+        if apart < least {
             continue;
         }
         if angle(there.file, average) < apart * VOTE_SHARE {
             // In the root mean square over all directions, two normals lean differently by this share of their angle.
             let limit = apart * LEAN_SHARE;
             let [of_file, of_estimate] = chords_of_both(mesh, there, &estimate);
-            if is_close {
-                let shortest = of_file
-                    .iter()
-                    .map(|chord| (chord.ends[1] - chord.ends[0]).norm())
-                    .fold(f64::INFINITY, f64::min);
-                let limit = limit.max(BY_CHANCE * estimate.smooth.rounding / shortest);
-                shading += usize::from(is_proven(&of_file, there.file, &of_estimate, estimated, limit));
-                continue;
-            }
             let is_smoother =
                 || chord_normals::unevenness(&of_estimate) > chord_normals::unevenness(&of_file) + limit;
             let is_smooth = are_of_smooth_curves(&of_file);
@@ -237,12 +228,11 @@ pub fn judged(mesh: &TriMesh) -> Judgement {
             } else {
                 shading += 1;
             }
-        } else if !is_close && angle(there.file, estimated) < apart * VOTE_SHARE {
+        } else if angle(there.file, estimated) < apart * VOTE_SHARE {
             surface += 1;
         }
     }
-    // Where as many speak for either, averages everywhere are no accident.
-    judgement(shading > surface || (is_all && shading > 0 && shading == surface))
+    judgement(shading > surface)
 }
 
 /// The normals that [`SmoothMesh`] estimates for a mesh.
@@ -263,23 +253,6 @@ impl Estimate {
     fn normal(&self, corner: usize) -> Option<Vector3<f64>> {
         self.normals(corner / 3).map(|normals| normals[corner % 3])
     }
-}
-
-/// Whether normals of chords that start at one place, where they are `file` and `estimated`, show that the estimate is better by more
-/// than a limit, rad: where the curvature is the same all round the place, as on a cylinder, or where those of the file lean unevenly,
-/// which those of arcs of different radii do not.
-fn is_proven(
-    of_file: &[Chord],
-    file: Vector3<f64>,
-    of_estimate: &[Chord],
-    estimated: Vector3<f64>,
-    limit: f64,
-) -> bool {
-    let proves = |file: f64, own: f64, times: f64| file > own + limit && file > own * times;
-    let [rough, smoothest] = [(of_file, file), (of_estimate, estimated)]
-        .map(|(chords, normal)| chord_normals::roughness(chords, &normal));
-    let [uneven, evenest] = [of_file, of_estimate].map(chord_normals::unevenness);
-    proves(rough, smoothest, MANY_TIMES_SMOOTHER) || proves(uneven, evenest, MANY_TIMES_EVENER)
 }
 
 /// Whether normals lean from chords as those of a smooth surface do.
