@@ -68,12 +68,13 @@ pub(super) struct Outline {
 
 /// For each triangle, the other half of the quadrangle that it may have been cut from; [`NONE`] if there is none. Programs write the
 /// halves of a quadrangle one after the other. `places` are those of the triangles' corners.
-pub(super) fn halves(places: &[[u32; 3]]) -> Vec<u32> {
+/// `can_be` tells whether the triangle before one and this one can be such halves.
+pub(super) fn halves(places: &[[u32; 3]], can_be: impl Fn(usize) -> bool) -> Vec<u32> {
     let mut halves = vec![NONE; places.len()];
     for first in 1..places.len() {
         let [one, other] = [places[first - 1], places[first]];
         let shared = one.iter().filter(|place| other.contains(place)).count();
-        if shared == 2 && halves[first - 1] == NONE {
+        if shared == 2 && halves[first - 1] == NONE && can_be(first) {
             halves[first - 1] = first as u32;
             halves[first] = first as u32 - 1;
         }
@@ -155,7 +156,7 @@ mod tests {
         let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.4], [0.0, 1.0, 0.0]].map(Point3::from);
         // A triangle beside the quadrangle, which shares no side with its first half.
         let triangles = [[0, 1, 2], [0, 2, 3], [3, 2, 4]];
-        assert_eq!(halves(&triangles), [1, 0, NONE]);
+        assert_eq!(halves(&triangles, |_| true), [1, 0, NONE]);
         let seen =
             |number: usize| (number, triangles[number], triangles[number].map(|at| points[at as usize]));
         let across = (points[2] - points[0]).cross(&(points[3] - points[1]));

@@ -6,12 +6,12 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, sliver_side, weld};
+use super::adjacency::{NONE, facet_normal, sliver_side, weld};
 use super::chord_normals::{self, Chord};
 use super::flats::{self, PlaneOf};
 use super::mesh::TriMesh;
 use super::polygons::{self, Outline};
-use super::smooth_mesh::{MOST_BEND, SmoothMesh};
+use super::smooth_mesh::{CREASE_ANGLE, MOST_BEND, SmoothMesh};
 use crate::geometry::space::View;
 
 /// Maximum number of vertices examined; larger meshes are sampled evenly.
@@ -142,9 +142,9 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
 /// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
 /// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
 /// one: the vertex then votes for a surface. A vertex at the border of a curved face whose normal leaves the facets there votes for
-/// a surface, too. Where nearly all normals are averages to the last digit, they tell nothing that the facets do not, and every
-/// difference is a vote for shading: the averages round a flat top with a bevel are the normals of a sphere. A program that
-/// `knows_faces` writes no averages; those of its arcs are cut evenly.
+/// a surface, too. Where nearly all normals are averages to the last digit, nobody votes, as they tell nothing that the facets do
+/// not: the averages round a flat top with a bevel are the normals of a sphere. A program that `knows_faces` writes no averages; its
+/// arcs are cut evenly where its normals are the same.
 pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
     if mesh.normals().is_empty() {
         return Judgement::default();
@@ -155,11 +155,11 @@ pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
     let places = Places::sampled(mesh, planes.as_deref());
     let mut averages: Vec<Averages> =
         places.facets.iter().flat_map(|facets| Averages::at(mesh, facets)).collect();
-    let matches = |averages: &[Averages], weighting: usize, limit: f64| {
-        averages.iter().filter(|there| is_within(there.file, there.averages[weighting], limit)).count()
+    let matches = |averages: &[Averages], weighting: usize| {
+        averages.iter().filter(|there| is_within(there.file, there.averages[weighting], SAME)).count()
     };
     let Some((averaged, weighting)) = (0..WEIGHTINGS)
-        .map(|weighting| (matches(&averages, weighting, SAME), weighting))
+        .map(|weighting| (matches(&averages, weighting), weighting))
         .max_by_key(|(count, _)| *count)
     else {
         return Judgement::default();
@@ -175,7 +175,13 @@ pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
     if are_nearly_all(averaged) && 2 * steep > all {
         return judgement(true);
     }
-    let is_all = !knows_faces && leaving == 0 && are_nearly_all(matches(&averages, weighting, WRITTEN));
+    // Programs weight the corners of polygons in ways that triangles do not always show.
+    let is_written =
+        |there: &Averages| there.averages.iter().any(|average| is_within(there.file, *average, WRITTEN));
+    let written = averages.iter().filter(|there| is_written(there)).count();
+    if !knows_faces && leaving == 0 && are_nearly_all(written) {
+        return judgement(true);
+    }
     let estimate = match whole {
         Some(smooth) => Estimate { smooth, part: None },
         None => {
@@ -194,10 +200,6 @@ pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
         let Some(estimated) = estimate.normal(there.corner) else { continue };
         let average = there.averages[weighting];
         let apart = angle(average, estimated);
-        if is_all {
-            shading += usize::from(apart > WRITTEN);
-            continue;
-        }
         let least = if there.is_normal_of_a_face(estimated) {
             MIN_ANGLE_TO_FACE
         } else if there.holds_a_side(mesh, estimated) {
@@ -495,7 +497,13 @@ impl Places {
         let mut facets: Vec<Vec<Facet>> = (0..count).map(|_| Vec::new()).collect();
         let places_of = |corners: &[u32; 3]| corners.map(|vertex| welded[vertex as usize]);
         let places: Vec<[u32; 3]> = mesh.triangles().iter().map(places_of).collect();
-        let halves = polygons::halves(&places);
+        // A quadrangle that is bent by more would have an edge; a fan is no polygon.
+        let normal = |triangle: usize| facet_normal(mesh.corners(mesh.triangles()[triangle]));
+        let halves = polygons::halves(&places, |second| {
+            let mut both = [second - 1, second].into_iter();
+            both.all(|triangle| planes.is_none_or(|planes| planes[triangle].is_polygon))
+                && normal(second - 1).dot(&normal(second)) >= CREASE_ANGLE.cos()
+        });
         let whole = |triangle: usize| (triangle, places[triangle], mesh.corners(mesh.triangles()[triangle]));
         for (triangle, &corners) in mesh.triangles().iter().enumerate() {
             let points = mesh.corners(corners);
