@@ -508,6 +508,40 @@ fn cad_normals_of_unequal_facets_are_not_treated_as_shading() {
     }
 }
 
+/// Where the two half-round ends of a bar are cut into facets of 2°, all normals but those at the ends of the arcs are averages.
+#[test]
+fn few_normals_that_are_no_averages_show_that_the_others_are_exact() {
+    let end = |middle: f64, from: f64| {
+        (0..=90).map(move |step| (middle, (from + 2.0 * f64::from(step)).to_radians()))
+    };
+    let ring: Vec<(f64, f64)> = end(20.0, -90.0).chain(end(-20.0, 90.0)).collect();
+    let (mut points, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    for y in [-40.0, 40.0] {
+        for &(middle, turn) in &ring {
+            let normal = Vector3::new(turn.cos(), 0.0, turn.sin());
+            points.push(Point3::new(middle, y, 0.0) + normal * 10.0);
+            normals.push(normal);
+        }
+    }
+    for first in 0..ring.len() {
+        let second = (first + 1) % ring.len();
+        let [a, b, c, d] = [first, second, ring.len() + second, ring.len() + first].map(|index| index as u32);
+        triangles.extend([[a, c, b], [a, d, c]]);
+    }
+    assert!(!shading::only_shade(&TriMesh::new(points, normals, triangles).unwrap()));
+}
+
+/// As in a file in metres with six decimals: the facets of the bevel are 0.4 mm wide, and tilted by the rounding.
+#[test]
+fn averages_are_recognised_where_positions_are_rounded() {
+    let reading = sample("bl45-octagon-bevel.glb");
+    let whole = mesh_of(&reading);
+    let rounded = |at: &Point3<f64>| Point3::from(at.coords.map(|along| (along / 4.0 * 1e3).round() / 1e3));
+    let positions = whole.positions().iter().map(rounded).collect();
+    let small = TriMesh::new(positions, whole.normals().to_vec(), whole.triangles().to_vec()).unwrap();
+    assert!(shading::only_shade(&small));
+}
+
 #[test]
 fn cad_normals_of_tangent_arcs_are_not_treated_as_shading() {
     let mut profiles = Profile::all();

@@ -134,13 +134,16 @@ fn are_flat(mesh: &TriMesh) -> Vec<bool> {
     let by_chance = BY_CHANCE * rounding::deviation(mesh.positions());
     let is_flat = |triangle: usize| {
         let (given, plane) = (given(mesh, triangle), plane(mesh, triangle));
-        if given.iter().any(|normal| (normal - given[0]).norm() >= ROUNDED) {
+        if given[0] == Vector3::zeros() || given.iter().any(|normal| (normal - given[0]).norm() >= ROUNDED) {
             return false;
         }
         let off =
             given.map(|normal| normal.dot(&plane).abs().min(1.0).acos()).into_iter().fold(0.0, f64::max);
-        let width = least_width(mesh.corners(mesh.triangles()[triangle]));
-        off <= SAME_NORMAL || (width > 0.0 && (off - SAME_NORMAL) * width <= by_chance)
+        off <= SAME_NORMAL
+            || off <= BENT && {
+                let width = least_width(mesh.corners(mesh.triangles()[triangle]));
+                width > 0.0 && (off - SAME_NORMAL) * width <= by_chance
+            }
     };
     let mut are_flat: Vec<bool> = (0..mesh.triangles().len()).map(is_flat).collect();
     if !mesh.normals().is_empty() {

@@ -30,9 +30,11 @@ const PRIOR: f64 = 1e-3;
 /// If a normal deviates from that of its widest plane by less than this share of the narrow facets' turn, it is
 /// replaced by the plane's normal: the difference is within the third-order error of the chords.
 const MIN_LEAN: f64 = 0.15;
-/// The same for a plane of several triangles that is surrounded by narrow facets. Tessellations do not turn by less at wide chords of
-/// an arc than at narrow ones, so that the normals of a round face would lean by half of the turn there.
+/// The same for a plane of several triangles that is surrounded by narrow facets, where the wide facet would bulge so many times as
+/// far as these: tessellations do not turn by less at wide chords of an arc than at narrow ones, so that the normals of a round face
+/// would lean by half of the turn there.
 const MIN_LEAN_OF_SURROUNDED: f64 = 0.35;
+const BULGES_MORE: f64 = 1.5;
 /// The facets of a tessellation leave the part by about the same distance everywhere. A plane that is surrounded by narrow facets
 /// is flat where its normal would make it bulge so many times as far as these.
 const IMPLAUSIBLE: f64 = 6.0;
@@ -124,11 +126,11 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
         let flat = planes.normals[widest];
         let leaning = derived.filter(|derived| {
             let angle = derived.angle(&flat);
-            let is_plausible = || angle * span.width <= IMPLAUSIBLE * span.turn * span.narrowest;
-            match planes.are_divided[widest] && is_surrounded[widest] {
-                true => angle >= MIN_LEAN_OF_SURROUNDED * span.turn && is_plausible(),
-                false => angle >= MIN_LEAN * span.turn,
-            }
+            let bulges = |times: f64| angle * span.width > times * span.turn * span.narrowest;
+            let is_flat =
+                || bulges(IMPLAUSIBLE) || angle < MIN_LEAN_OF_SURROUNDED * span.turn && bulges(BULGES_MORE);
+            angle >= MIN_LEAN * span.turn
+                && !(planes.are_divided[widest] && is_surrounded[widest] && is_flat())
         });
         // A face of several triangles can be flat. A single triangle may be a long chord of a curved surface, unless
         // the derived normal shows that it is flat.
@@ -180,6 +182,8 @@ pub(super) struct PlaneOf {
     pub(super) area: f64,
     /// Whether it can be one polygon that was divided into triangles: it has no vertex inside, as the middle of a fan is.
     pub(super) is_polygon: bool,
+    /// Whether all its triangles meet at a vertex inside.
+    pub(super) is_fan: bool,
 }
 
 /// For each triangle, its plane.
@@ -187,7 +191,13 @@ pub(super) fn planes_of(mesh: &SmoothMesh) -> Vec<PlaneOf> {
     let planes = Planes::of(mesh, |_| true);
     let mut triangles = vec![0usize; planes.normals.len()];
     let mut sides = triangles.clone();
+    let mut shared: Vec<Vec<u32>> = vec![Vec::new(); planes.normals.len()];
     for (triangle, &plane) in planes.of_triangle.iter().enumerate() {
+        let corners = mesh.triangles[triangle];
+        match triangles[plane as usize] {
+            0 => shared[plane as usize] = corners.to_vec(),
+            _ => shared[plane as usize].retain(|corner| corners.contains(corner)),
+        }
         triangles[plane as usize] += 1;
         let is_beyond =
             |side: &&u32| planes.of_triangle.get(**side as usize / 3).is_none_or(|other| *other != plane);
@@ -195,9 +205,10 @@ pub(super) fn planes_of(mesh: &SmoothMesh) -> Vec<PlaneOf> {
             mesh.continued[3 * triangle..3 * triangle + 3].iter().filter(is_beyond).count();
     }
     // A polygon without a vertex inside has two triangles fewer than sides.
-    let of_plane = |&plane: &u32| PlaneOf {
-        area: planes.areas[plane as usize],
-        is_polygon: triangles[plane as usize] + 2 == sides[plane as usize],
+    let of_plane = |&plane: &u32| {
+        let is_polygon = triangles[plane as usize] + 2 == sides[plane as usize];
+        let is_fan = !is_polygon && !shared[plane as usize].is_empty();
+        PlaneOf { area: planes.areas[plane as usize], is_polygon, is_fan }
     };
     planes.of_triangle.iter().map(of_plane).collect()
 }

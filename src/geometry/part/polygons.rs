@@ -68,13 +68,13 @@ pub(super) struct Outline {
 
 /// For each triangle, the other half of the quadrangle that it may have been cut from; [`NONE`] if there is none. Programs write the
 /// halves of a quadrangle one after the other. `places` are those of the triangles' corners.
-/// `can_be` tells whether the triangle before one and this one can be such halves.
-pub(super) fn halves(places: &[[u32; 3]], can_be: impl Fn(usize) -> bool) -> Vec<u32> {
+/// `can_be` tells whether a triangle and the next one can be such halves.
+pub(super) fn halves(places: &[[u32; 3]], can_be: impl Fn([usize; 2]) -> bool) -> Vec<u32> {
     let mut halves = vec![NONE; places.len()];
     for first in 1..places.len() {
         let [one, other] = [places[first - 1], places[first]];
         let shared = one.iter().filter(|place| other.contains(place)).count();
-        if shared == 2 && halves[first - 1] == NONE && can_be(first) {
+        if shared == 2 && halves[first - 1] == NONE && can_be([first - 1, first]) {
             halves[first - 1] = first as u32;
             halves[first] = first as u32 - 1;
         }

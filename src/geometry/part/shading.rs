@@ -11,6 +11,7 @@ use super::chord_normals::{self, Chord};
 use super::flats::{self, PlaneOf};
 use super::mesh::TriMesh;
 use super::polygons::{self, Outline};
+use super::rounding;
 use super::smooth_mesh::{CREASE_ANGLE, MOST_BEND, SmoothMesh};
 use crate::geometry::space::View;
 
@@ -25,6 +26,8 @@ const MIN_BULGE: f64 = 0.002;
 const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
 /// The same where nothing but the rounding of the file may part them. Exact normals of arcs that are not cut evenly differ by more.
 const WRITTEN: f64 = 0.05 * std::f64::consts::PI / 180.0;
+/// Rounding tilts a facet by at most so many times its standard deviation over the width of the facet, rad.
+const BY_CHANCE: f64 = 3.0;
 /// Facets at a vertex whose normals differ by at most this, rad, are treated as one plane.
 const COPLANAR: f64 = std::f64::consts::PI / 180.0;
 /// In meshes of at most this many triangles, coplanar triangles are grouped into faces; in larger meshes every
@@ -116,6 +119,8 @@ struct Facet {
     is_of_polygon: bool,
     /// The longer of the sides that meet at the corner, mm.
     reach: f64,
+    /// The longest side, mm.
+    longest: f64,
     /// The polygon that it may have been cut from.
     outline: Outline,
 }
@@ -142,8 +147,8 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
 /// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
 /// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
 /// one: the vertex then votes for a surface. A vertex at the border of a curved face whose normal leaves the facets there votes for
-/// a surface, too. Where nearly all normals are averages to the last digit, nobody votes, as they tell nothing that the facets do
-/// not: the averages round a flat top with a bevel are the normals of a sphere. A program that `knows_faces` writes no averages; its
+/// a surface, too. Where nearly all normals are averages to the last digit and none contradicts them, nobody votes, as they tell
+/// nothing that the facets do not: the averages round a flat top with a bevel are the normals of a sphere. A program that `knows_faces` writes no averages; its
 /// arcs are cut evenly where its normals are the same.
 pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
     if mesh.normals().is_empty() {
@@ -176,11 +181,15 @@ pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
         return judgement(true);
     }
     // Programs weight the corners of polygons in ways that triangles do not always show.
-    let is_written =
-        |there: &Averages| there.averages.iter().any(|average| is_within(there.file, *average, WRITTEN));
+    let off = |there: &Averages| {
+        there.averages.iter().map(|average| angle(there.file, *average)).fold(f64::INFINITY, f64::min)
+    };
+    let by_chance = BY_CHANCE * rounding::deviation(mesh.positions());
+    let is_written = |there: &Averages| off(there) <= (by_chance / there.narrowest).clamp(WRITTEN, SAME);
     let written = averages.iter().filter(|there| is_written(there)).count();
-    if !knows_faces && leaving == 0 && are_nearly_all(written) {
-        return judgement(true);
+    let contradicts = |there: &Averages| off(there) > SAME;
+    if !knows_faces && leaving == 0 && are_nearly_all(written) && !averages.iter().any(contradicts) {
+        return Judgement { only_shades: true, averages: averaged.max(written), of: all };
     }
     let estimate = match whole {
         Some(smooth) => Estimate { smooth, part: None },
@@ -234,7 +243,8 @@ pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
             surface += 1;
         }
     }
-    judgement(shading > surface)
+    // Where as many speak for either, averages everywhere are no accident.
+    judgement(shading > surface || (are_nearly_all(averaged) && shading > 0 && shading == surface))
 }
 
 /// The normals that [`SmoothMesh`] estimates for a mesh.
@@ -373,6 +383,8 @@ struct Averages {
     file: Vector3<f64>,
     /// The largest angle between two of the facets, rad.
     bend: f64,
+    /// The width of the narrowest facet, mm.
+    narrowest: f64,
     /// One for each way of weighting.
     averages: [Vector3<f64>; WEIGHTINGS],
     /// The normals of the facets.
@@ -424,9 +436,11 @@ impl Averages {
                 over(&pieces, &|polygon| polygon.area * polygon.angle),
             ];
             let corner = shared[0].corner;
+            let narrowest =
+                shared.iter().map(|facet| 2.0 * facet.area / facet.longest).fold(f64::INFINITY, f64::min);
             let faces = polygons.iter().map(|polygon| polygon.normal).collect();
             let shared = shared.iter().map(|facet| facet.corner).collect();
-            found.push(Self { corner, shared, file, bend, averages, faces });
+            found.push(Self { corner, shared, file, bend, narrowest, averages, faces });
         }
         found
     }
@@ -499,10 +513,9 @@ impl Places {
         let places: Vec<[u32; 3]> = mesh.triangles().iter().map(places_of).collect();
         // A quadrangle that is bent by more would have an edge; a fan is no polygon.
         let normal = |triangle: usize| facet_normal(mesh.corners(mesh.triangles()[triangle]));
-        let halves = polygons::halves(&places, |second| {
-            let mut both = [second - 1, second].into_iter();
-            both.all(|triangle| planes.is_none_or(|planes| planes[triangle].is_polygon))
-                && normal(second - 1).dot(&normal(second)) >= CREASE_ANGLE.cos()
+        let halves = polygons::halves(&places, |both| {
+            both.iter().all(|&triangle| planes.is_none_or(|planes| !planes[triangle].is_fan))
+                && normal(both[0]).dot(&normal(both[1])) >= CREASE_ANGLE.cos()
         });
         let whole = |triangle: usize| (triangle, places[triangle], mesh.corners(mesh.triangles()[triangle]));
         for (triangle, &corners) in mesh.triangles().iter().enumerate() {
@@ -528,6 +541,7 @@ impl Places {
                     plane_area: planes.map_or(area, |planes| planes[triangle].area),
                     is_of_polygon: planes.is_none_or(|planes| planes[triangle].is_polygon),
                     reach: first.norm().max(second.norm()),
+                    longest: first.norm().max(second.norm()).max((second - first).norm()),
                     outline: polygons::outline(
                         whole(triangle),
                         (halves[triangle] != NONE).then(|| whole(halves[triangle] as usize)),

@@ -21,6 +21,10 @@ const STARTS: usize = 7;
 /// Closest points are looked for from so many of the nearest parameters, and from so many all over the surface.
 const NEAR_STARTS: usize = 8;
 const FAR_STARTS: usize = 48;
+/// The latter only where the nearest parameters lead to nothing that is nearer than this, mm: edges may be a little off.
+const FAR_OFF: f64 = 1e-3;
+/// Multiples of it, the golden ratio, are spread evenly over a circle.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// The surface of a face, unbounded or larger than the face, mm.
 #[derive(Debug, Clone, PartialEq)]
@@ -243,18 +247,18 @@ impl Patches {
             order.truncate(count);
             order.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
-        // The nearest starts may all be on the other side of a thin part: then starts all over the surface.
-        let stride = starts.len().div_ceil(FAR_STARTS).max(1);
-        let all_over = (0..starts.len()).step_by(stride);
-        for index in order.into_iter().map(|(_, index)| index).chain(all_over) {
-            let found = self.descend(at, starts[index].0);
-            if found.1 < best.1 {
-                best = found;
+        let mut try_from = |index: usize, enough: f64| {
+            if best.1 > enough {
+                let found = self.descend(at, starts[index].0);
+                if found.1 < best.1 {
+                    best = found;
+                }
             }
-            if best.1 <= enough {
-                break;
-            }
-        }
+        };
+        order.into_iter().for_each(|(_, index)| try_from(index, enough));
+        // The nearest starts may all be on the other side of a thin part.
+        let far = (1..=FAR_STARTS).map(|number| (number as f64 * GOLDEN).fract() * starts.len() as f64);
+        far.filter(|_| !starts.is_empty()).for_each(|index| try_from(index as usize, enough.max(FAR_OFF)));
         best
     }
 

@@ -60,7 +60,7 @@ pub struct Located {
     pub at: Vector2<f64>,
     /// How far it is from the surface, mm.
     pub distance: f64,
-    /// How far it, or the last one before it that was looked for all over the surface, is from the surface, mm.
+    /// How far the last point up to this one is from the surface for which a search all over it found none that was near enough, mm.
     searched: f64,
     /// Whether it is at a pole, where this parameter has no meaning.
     pub any: Option<usize>,
