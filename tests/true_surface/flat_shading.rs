@@ -104,8 +104,8 @@ impl Model {
         self
     }
 
-    /// A sphere beside the marked part, in smooth shading.
-    fn with_smooth_ball(mut self) -> Self {
+    /// An ellipsoid beside the marked part, in smooth shading: its normals are exact, and no averages.
+    fn with_smooth_egg(mut self) -> Self {
         let at = |row: usize, side: usize| {
             let (out, along) = (TAU * row as f64 / 48.0).sin_cos();
             let angle = TAU * side as f64 / 48.0;
@@ -116,8 +116,12 @@ impl Model {
                 let mut corners =
                     vec![at(row, side), at(row, side + 1), at(row + 1, side + 1), at(row + 1, side)];
                 corners.dedup_by(|one, other| (*one - *other).norm() < 1e-9);
-                let middle = Point3::new(90.0, 0.0, -RADIUS);
-                self.faces.push(corners.into_iter().map(|normal| (middle + normal * 8.0, normal)).collect());
+                let (middle, half_axes) = (Point3::new(90.0, 0.0, -RADIUS), Vector3::new(8.0, 16.0, 8.0));
+                let on_egg = |on_ball: Vector3<f64>| {
+                    let normal = on_ball.component_div(&half_axes).normalize();
+                    (middle + on_ball.component_mul(&half_axes), normal)
+                };
+                self.faces.push(corners.into_iter().map(on_egg).collect());
             }
         }
         self
@@ -278,7 +282,7 @@ fn round_parts_in_flat_shading_are_upper_estimates() {
 #[test]
 fn a_flat_body_beside_a_smooth_one_is_read_without_its_normals() {
     for sides in [16, 32, 96] {
-        let model = Model::turned(&cylinder(), sides, true).with_smooth_ball();
+        let model = Model::turned(&cylinder(), sides, true).with_smooth_egg();
         let reading = model.read(NormalsChoice::Auto);
         assert_eq!(reading.facts.normals_used, Some(NormalsUsed::Mixed));
         let [reported, truth] = length_errors(&reading, |x, _| (RADIUS * RADIUS - x * x).sqrt() - RADIUS);
@@ -309,7 +313,7 @@ fn flat_facets_of_a_smooth_body_are_in_doubt() {
 /// A program that knows the faces shades what is round smooth, so that flat facets are flat faces.
 #[test]
 fn flat_faces_from_cad_are_flat() {
-    let beside = Model::turned(&cylinder(), 12, true).with_smooth_ball();
+    let beside = Model::turned(&cylinder(), 12, true).with_smooth_egg();
     for model in [beside.by_cad(), Model::can_with_smooth_rims(12).by_cad()] {
         let reading = model.read(NormalsChoice::Auto);
         assert_eq!(reading.facts.normals_used, Some(NormalsUsed::File));
@@ -338,7 +342,7 @@ fn what_flat_facets_are_taken_for_is_stated_with_the_choice() {
     // The sagitta of a chord: 30 mm * (1 - cos(180 deg / sides)).
     for (sides, sagitta) in [(12, 1.02), (16, 0.58), (24, 0.26)] {
         let alone = Model::turned(&cylinder(), sides, true);
-        let beside = Model::turned(&cylinder(), sides, true).with_smooth_ball();
+        let beside = Model::turned(&cylinder(), sides, true).with_smooth_egg();
         for model in [alone, beside] {
             let notice = of(&model, NormalsChoice::Auto).unwrap();
             let text = &notice.message;
