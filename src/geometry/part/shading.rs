@@ -6,7 +6,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::adjacency::{NONE, facet_normal, sliver_side, weld};
+use super::adjacency::{NONE, facet_normal, least_width, sliver_side, weld};
 use super::chord_normals::{self, Chord};
 use super::flats::{self, PlaneOf};
 use super::mesh::TriMesh;
@@ -119,8 +119,8 @@ struct Facet {
     is_of_polygon: bool,
     /// The longer of the sides that meet at the corner, mm.
     reach: f64,
-    /// The longest side, mm.
-    longest: f64,
+    /// mm.
+    least_width: f64,
     /// The polygon that it may have been cut from.
     outline: Outline,
 }
@@ -436,8 +436,7 @@ impl Averages {
                 over(&pieces, &|polygon| polygon.area * polygon.angle),
             ];
             let corner = shared[0].corner;
-            let narrowest =
-                shared.iter().map(|facet| 2.0 * facet.area / facet.longest).fold(f64::INFINITY, f64::min);
+            let narrowest = shared.iter().map(|facet| facet.least_width).fold(f64::INFINITY, f64::min);
             let faces = polygons.iter().map(|polygon| polygon.normal).collect();
             let shared = shared.iter().map(|facet| facet.corner).collect();
             found.push(Self { corner, shared, file, bend, narrowest, averages, faces });
@@ -541,7 +540,7 @@ impl Places {
                     plane_area: planes.map_or(area, |planes| planes[triangle].area),
                     is_of_polygon: planes.is_none_or(|planes| planes[triangle].is_polygon),
                     reach: first.norm().max(second.norm()),
-                    longest: first.norm().max(second.norm()).max((second - first).norm()),
+                    least_width: least_width(points),
                     outline: polygons::outline(
                         whole(triangle),
                         (halves[triangle] != NONE).then(|| whole(halves[triangle] as usize)),

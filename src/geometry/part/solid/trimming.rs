@@ -60,7 +60,7 @@ pub struct Located {
     pub at: Vector2<f64>,
     /// How far it is from the surface, mm.
     pub distance: f64,
-    /// How far the last point up to this one is from the surface for which a search all over it found none that was near enough, mm.
+    /// The distance of the last point, up to this one, that a search all over the surface could not bring near enough, mm.
     searched: f64,
     /// Whether it is at a pole, where this parameter has no meaning.
     pub any: Option<usize>,
