@@ -41,7 +41,7 @@ pub use shared::SharedSurfaces;
 pub use task::FitTask;
 
 /// Version of the file format and of the fit: increased whenever either changes.
-const VERSION: u32 = 32;
+const VERSION: u32 = 33;
 const MAGIC: &[u8; 12] = b"isomark fit\n";
 const MESH_MAGIC: &[u8; 12] = b"isomark mesh";
 /// Magic, version, hash of the body.
@@ -196,6 +196,8 @@ struct SurfaceRecord {
     node_kinds: Vec<u8>,
     /// One for each wall or surface node.
     node_heights: Vec<f64>,
+    /// Number of nodes and their face. All nodes, or none at all.
+    faces: Vec<(usize, u32)>,
     /// One for each node, or none at all.
     doubts: Vec<f64>,
     /// Number of nodes, slope and height: most nodes are as those beside them. All nodes, or none at all.
@@ -595,6 +597,7 @@ impl SurfaceRecord {
             field_rows,
             node_kinds: field.nodes().iter().map(kind).collect(),
             node_heights: field.nodes().iter().filter_map(height).collect(),
+            faces: field.faces().chunk_by(|one, other| one == other).map(|run| (run.len(), run[0])).collect(),
             doubts: surface.doubts().to_vec(),
             uncertainties: alike.map(|run| (run.len(), run[0].slope, run[0].height)).collect(),
         }
@@ -683,21 +686,31 @@ impl<'a> Body<'a> {
             _ => Node::Surface(next()),
         };
         let nodes: Vec<Node> = kinds.iter().map(node).collect();
+        let faces = runs(self.next::<Vec<(usize, u32)>>()?, nodes.len())?;
         let doubts = self.numbers()?;
-        let mut uncertainties = Vec::new();
-        for (count, slope, height) in self.next::<Vec<(usize, f32, f32)>>()? {
-            if count > nodes.len() - uncertainties.len() {
-                return Err("there are more uncertainties than nodes".into());
-            }
-            uncertainties.resize(uncertainties.len() + count, Uncertainty { slope, height });
-        }
+        let uncertain = self.next::<Vec<(usize, f32, f32)>>()?.into_iter();
+        let uncertain =
+            uncertain.map(|(count, slope, height)| (count, Uncertainty { slope, height })).collect();
+        let uncertainties = runs(uncertain, nodes.len())?;
         let nurbs = NurbsSurface::new(knots_x, knots_y, heights);
         let field = HeightField::new(Vector2::from(origin_of_field), step, columns, rows, nodes);
         let (Some(nurbs), Some(field)) = (nurbs, field) else {
             return Err("the sizes of the grids do not match".into());
         };
-        Ok(FittedSurface::compare(nurbs, field).doubted(doubts, uncertainties))
+        Ok(FittedSurface::compare(nurbs, field.with_faces(faces)).doubted(doubts, uncertainties))
     }
+}
+
+/// What each of these many nodes has, at most, from the numbers of nodes that have the same.
+fn runs<T: Clone>(runs: Vec<(usize, T)>, nodes: usize) -> Result<Vec<T>, String> {
+    let mut all = Vec::new();
+    for (count, value) in runs {
+        if count > nodes - all.len() {
+            return Err("there are more values than nodes".into());
+        }
+        all.resize(all.len() + count, value);
+    }
+    Ok(all)
 }
 
 fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {

@@ -44,6 +44,9 @@ const fn stencil_index(column: isize, row: isize) -> usize {
     if row == 0 { column as usize } else { (row * 7 + column) as usize }
 }
 
+/// The third difference of four values.
+const THIRD_DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+
 /// The normal equations AᵀA x = Aᵀb over a grid of control points with `COMPONENTS` unknowns each.
 #[derive(Debug, Clone)]
 pub struct NormalEquations<const COMPONENTS: usize> {
@@ -317,29 +320,23 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// vanishes on quadratics, so it continues a surface smoothly where there are no data and hardly changes it where
     /// there are (Eilers & Marx, Flexible smoothing with B-splines and penalties, Statistical Science 1996, eq. 4).
     pub fn add_third_difference_penalty(&mut self, weight: f64) {
-        const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
-        for row in 0..self.rows {
-            for column in 0..self.columns {
-                for (step_column, step_row) in [(1, 0), (0, 1)] {
-                    if column + 3 * step_column >= self.columns || row + 3 * step_row >= self.rows {
-                        continue;
-                    }
-                    for first in 0..4 {
-                        let point = (row + first * step_row) * self.columns + column + first * step_column;
-                        for second in first..4 {
-                            let apart = (second - first) as isize;
-                            let neighbour =
-                                stencil_index(apart * step_column as isize, apart * step_row as isize);
-                            let block = &mut self.matrix[point][neighbour];
-                            for component in 0..COMPONENTS {
-                                block[component][component] +=
-                                    weight * DIFFERENCE[first] * DIFFERENCE[second];
-                            }
-                        }
+        let mut matrix = std::mem::take(&mut self.matrix);
+        self.for_each_third_difference(|points| {
+            let is_along_row = points[1] == points[0] + 1;
+            for first in 0..4 {
+                for second in first..4 {
+                    let apart = (second - first) as isize;
+                    let neighbour =
+                        if is_along_row { stencil_index(apart, 0) } else { stencil_index(0, apart) };
+                    let block = &mut matrix[points[first]][neighbour];
+                    for component in 0..COMPONENTS {
+                        block[component][component] +=
+                            weight * THIRD_DIFFERENCE[first] * THIRD_DIFFERENCE[second];
                     }
                 }
             }
-        }
+        });
+        self.matrix = matrix;
     }
 
     /// Adds the square of the third derivative in every direction, in differences of the control points:
@@ -347,7 +344,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     /// quadratics (Wahba, Spline models for observational data, 1990, eq. 2.4.9, for m = 3; as differences after
     /// Eilers & Marx 1996). `weight` gives the weight at a place, in units of control points along x and y.
     pub fn add_roughness_penalty(&mut self, weight: impl Fn(f64, f64) -> f64) {
-        const DIFFERENCES: [&[f64]; 4] = [&[1.0], &[-1.0, 1.0], &[1.0, -2.0, 1.0], &[-1.0, 3.0, -3.0, 1.0]];
+        const DIFFERENCES: [&[f64]; 4] = [&[1.0], &[-1.0, 1.0], &[1.0, -2.0, 1.0], &THIRD_DIFFERENCE];
         for (along, share) in [(3, 1.0), (2, 3.0), (1, 3.0), (0, 1.0)] {
             let (across_columns, across_rows) = (DIFFERENCES[along], DIFFERENCES[3 - along]);
             let points: Vec<(usize, usize, f64)> = (0..across_rows.len())
@@ -401,34 +398,102 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         solver: &GridSolver<'_, COMPONENTS>,
         rights: &mut [Vec<[f64; COMPONENTS]>],
     ) -> Result<(), SolveError> {
-        assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "solver made for another grid");
-        let elimination = &solver.elimination;
-        let unknowns = elimination.len() * COMPONENTS;
-        let factor = Factor::new(elimination, self, solver.fork).map_err(|error| match error {
-            FactorError::Pivot => SolveError::NotPositiveDefinite { unknowns },
-            FactorError::Memory => SolveError::OutOfMemory { unknowns },
-        })?;
+        let factor = self.factored(solver)?;
         for right in rights {
-            assert_eq!(right.len(), self.right.len(), "right-hand side of another grid");
-            let given = elimination.order().iter().map(|point| right[*point as usize]);
-            let mut solution: Vec<[f64; COMPONENTS]> = given.collect();
-            let fork: &dyn Fork = if unknowns < LEAST_SHARED { &InTurn } else { solver.fork };
-            factor.solve(&mut solution, fork);
-            let mut found = vec![[0.0; COMPONENTS]; right.len()];
-            elimination
-                .order()
-                .iter()
-                .zip(solution)
-                .for_each(|(point, value)| found[*point as usize] = value);
-            let residual = self.relative_residual(solver, right, &found, fork);
-            // The matrix squares the condition number of the observations; 1e-7 of the right-hand side is far below
-            // 1e-6 mm.
-            if !(residual <= 1e-7) {
-                return Err(SolveError::Inaccurate { unknowns, residual });
-            }
-            *right = found;
+            *right = self.solution(solver, &factor, right)?;
         }
         Ok(())
+    }
+
+    /// [`Self::solve`] for equations that hold a third-difference penalty of this `weight`
+    /// ([`Self::add_third_difference_penalty`]), so that the penalty hardly applies to the solution: it is solved for so many times,
+    /// each time from where the last one ended (iterated Tikhonov regularisation: Engl, Hanke & Neubauer, Regularization of inverse
+    /// problems, 1996, sec. 5.1).
+    ///
+    /// # Errors
+    /// See [`SolveError`].
+    pub(crate) fn solve_in_passes(
+        &self,
+        solver: &GridSolver<'_, COMPONENTS>,
+        weight: f64,
+        passes: usize,
+    ) -> Result<Vec<[f64; COMPONENTS]>, SolveError> {
+        let factor = self.factored(solver)?;
+        let mut solution = self.solution(solver, &factor, &self.right)?;
+        let mut last = solution.clone();
+        for _ in 1..passes {
+            // What the equations without the penalty are still off by is what the penalty holds back.
+            last = self.solution(solver, &factor, &self.third_difference_pull(&last, weight))?;
+            let (sum, last) = (solution.as_flattened_mut(), last.as_flattened());
+            sum.iter_mut().zip(last).for_each(|(sum, last)| *sum += last);
+        }
+        Ok(solution)
+    }
+
+    /// The product of the matrix of a third-difference penalty with a solution.
+    fn third_difference_pull(&self, solution: &[[f64; COMPONENTS]], weight: f64) -> Vec<[f64; COMPONENTS]> {
+        let mut pull = vec![[0.0; COMPONENTS]; solution.len()];
+        self.for_each_third_difference(|points| {
+            for component in 0..COMPONENTS {
+                let terms = points.iter().zip(THIRD_DIFFERENCE);
+                let difference: f64 = terms.map(|(point, share)| share * solution[*point][component]).sum();
+                for (point, share) in points.iter().zip(THIRD_DIFFERENCE) {
+                    pull[*point][component] += weight * share * difference;
+                }
+            }
+        });
+        pull
+    }
+
+    /// Visits the control points of every third difference along a row or column.
+    fn for_each_third_difference(&self, mut visit: impl FnMut([usize; 4])) {
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let first = row * self.columns + column;
+                if column + 3 < self.columns {
+                    visit([0, 1, 2, 3].map(|step| first + step));
+                }
+                if row + 3 < self.rows {
+                    visit([0, 1, 2, 3].map(|step| first + step * self.columns));
+                }
+            }
+        }
+    }
+
+    fn factored<'s>(
+        &self,
+        solver: &'s GridSolver<'_, COMPONENTS>,
+    ) -> Result<Factor<'s, COMPONENTS, 1>, SolveError> {
+        assert_eq!((solver.columns, solver.rows), (self.columns, self.rows), "solver made for another grid");
+        let unknowns = solver.elimination.len() * COMPONENTS;
+        Factor::new(&solver.elimination, self, solver.fork).map_err(|error| match error {
+            FactorError::Pivot => SolveError::NotPositiveDefinite { unknowns },
+            FactorError::Memory => SolveError::OutOfMemory { unknowns },
+        })
+    }
+
+    fn solution(
+        &self,
+        solver: &GridSolver<'_, COMPONENTS>,
+        factor: &Factor<'_, COMPONENTS, 1>,
+        right: &[[f64; COMPONENTS]],
+    ) -> Result<Vec<[f64; COMPONENTS]>, SolveError> {
+        assert_eq!(right.len(), self.right.len(), "right-hand side of another grid");
+        let elimination = &solver.elimination;
+        let unknowns = elimination.len() * COMPONENTS;
+        let given = elimination.order().iter().map(|point| right[*point as usize]);
+        let mut solution: Vec<[f64; COMPONENTS]> = given.collect();
+        let fork: &dyn Fork = if unknowns < LEAST_SHARED { &InTurn } else { solver.fork };
+        factor.solve(&mut solution, fork);
+        let mut found = vec![[0.0; COMPONENTS]; right.len()];
+        elimination.order().iter().zip(solution).for_each(|(point, value)| found[*point as usize] = value);
+        let residual = self.relative_residual(solver, right, &found, fork);
+        // The matrix squares the condition number of the observations; 1e-7 of the right-hand side is far below
+        // 1e-6 mm.
+        if !(residual <= 1e-7) {
+            return Err(SolveError::Inaccurate { unknowns, residual });
+        }
+        Ok(found)
     }
 
     /// ‖Ax − b‖ / ‖b‖ over the unknowns.

@@ -1,4 +1,5 @@
-//! The regions of the part on which a drawing is marked: beside a hole, a pocket or a boss, its map needs nothing of these.
+//! The regions of the part on which a drawing is marked: beside a hole, a pocket or a boss, its map needs nothing of these. Nor does
+//! it need what is beyond an edge, if the drawing is on one face of the part.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,6 +12,7 @@ use crate::geometry::mapping::quality::PIECE;
 use crate::geometry::pattern::Shape;
 use crate::geometry::regions::Regions;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
+use crate::geometry::surface::fit::Beyond;
 
 /// Only regions within so many of the largest steps of the height field from the rectangle of the drawing have an effect on its map: as
 /// far as the spline swings beside a wall.
@@ -18,6 +20,9 @@ const STEPS_BESIDE: f64 = 8.0;
 
 /// Those within so many of the smallest steps have the largest.
 const STEPS_NEAR: f64 = 2.0;
+
+/// An edge within so many of the largest steps of the height field changes the surface on both sides of it.
+const STEPS_BESIDE_EDGE: f64 = 5.0;
 
 /// Round the drawing, the surface determines the radius of a cylinder as far as this share of the drawing's longer side.
 const SHARE_BESIDE: f64 = 0.6;
@@ -42,15 +47,7 @@ impl Visited {
         place: impl Fn(FlatPoint) -> ViewPoint,
     ) -> Self {
         let mut visited = Self { whole: BTreeSet::new(), points: BTreeMap::new() };
-        let placed = &drawing.placed;
-        let is_ink = |layer: usize| {
-            placed.layers.get(layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))
-        };
-        for path in placed.paths.iter().filter(|path| is_ink(path.layer)) {
-            let points = match path.shape {
-                Shape::Dot(point) => vec![point],
-                _ => stations(&path.shape, PIECE),
-            };
+        for points in drawing.inked_points(settings) {
             let (mut there, mut is_whole) = (BTreeSet::new(), true);
             for point in points {
                 match regions.at(place(point)) {
@@ -81,8 +78,8 @@ impl Visited {
 }
 
 impl LearnedPart {
-    /// The part with only those regions round a placed drawing on which the drawing is marked; `None` if it is marked on all,
-    /// or there are only one or very many. `whole` is the whole part.
+    /// The part with only those regions round a placed drawing on which the drawing is marked, and only the face if all of the
+    /// drawing is on one; `None` if it is marked on all, or there are only one or very many. `whole` is the whole part.
     ///
     /// The drawing as it is shows the regions; the map, which may move it by some mm, confirms them.
     pub(super) fn on_marked_regions(
@@ -99,7 +96,9 @@ impl LearnedPart {
             .map(|beside| regions.within(&extents.grown(beside)))
             .into_iter()
             .find(|there| there.len() <= MOST_REGIONS)?;
-        if there.len() < 2 {
+        let beside_edge = extents.grown(STEPS_BESIDE_EDGE * whole.kept.surface.field.step());
+        let has_edge = surface.field.has_edge_within(&beside_edge);
+        if there.len() < 2 && !has_edge {
             return None;
         }
         let is_turned = settings.placement.align == Align::Axis || settings.rotary.tiles != Tiles::Off;
@@ -108,19 +107,35 @@ impl LearnedPart {
         let first = if is_turned { main.clone() } else { as_drawn.marked()? };
         let beside = beside.max(SHARE_BESIDE * extents.size().max());
         let within = extents.grown(beside);
-        let only = |kept: &BTreeSet<u32>| {
-            if there.iter().all(|region| kept.contains(region)) {
+        let within_face = beside_edge.grown(STEPS_BESIDE * whole.kept.surface.field.step());
+        let face_under = |drawing: &PlacedPattern, place: &dyn Fn(FlatPoint) -> ViewPoint| {
+            let mut points =
+                drawing.inked_points(settings).flatten().map(|point| surface.field.face_at(place(point)));
+            let first = points.next().flatten().filter(|_| has_edge && !is_turned)?;
+            points.all(|face| face == Some(first)).then_some(first)
+        };
+        let is_on_other_face = |at: ViewPoint, face: u32| {
+            let fields = [&surface.field, &whole.kept.surface.field];
+            fields.into_iter().find_map(|field| field.is_on_other_face(at, face)).unwrap_or_default()
+        };
+        let only = |kept: &BTreeSet<u32>, face: Option<u32>| {
+            let is_everywhere = there.iter().all(|region| kept.contains(region));
+            if is_everywhere && face.is_none() {
                 return None;
             }
+            let beyond = if is_everywhere { Beyond::Edges } else { Beyond::Steps };
             let is_left_out = |at: ViewPoint| {
                 let region = regions.nearest(at).filter(|_| within.contains(at.coords()));
                 region.is_some_and(|region| region.is_none_or(|region| !kept.contains(&region)))
+                    || face
+                        .is_some_and(|face| within_face.contains(at.coords()) && is_on_other_face(at, face))
             };
-            let seen = whole.kept.surface.without(is_left_out, &Cores).ok()?;
+            let seen = whole.kept.surface.without(is_left_out, beyond, &Cores).ok()?;
             let near = if settings.rotary.tiles == Tiles::Off { seen.round(&extents) } else { None };
             Some(self.with_surface(near.unwrap_or(seen)))
         };
-        let part = only(&first);
+        let face = face_under(drawing, &|at| at.coords().into());
+        let part = only(&first, face);
         if settings.rotary.tiles != Tiles::Off {
             return part;
         }
@@ -128,12 +143,20 @@ impl LearnedPart {
         match mapped(part.as_ref().unwrap_or(self)) {
             Some((turned, map)) => {
                 let confirmed = Visited::by(&turned, settings, &regions, |at| map.point(at)).marked();
-                match confirmed {
-                    Some(kept) if kept != first => only(&kept),
-                    _ => part,
+                let kept = confirmed.unwrap_or_else(|| first.clone());
+                let on_face = face_under(&turned, &|at| map.point(at));
+                let confirms = |part: &Self| {
+                    mapped(part)
+                        .is_some_and(|(turned, map)| face_under(&turned, &|at| map.point(at)) == on_face)
+                };
+                match (kept == first, on_face) {
+                    (true, _) if on_face == face => part,
+                    (_, None) => only(&kept, None),
+                    // The map on both sides of an edge shows where the drawing is only about.
+                    _ => only(&kept, on_face).filter(confirms).or_else(|| only(&kept, None)),
                 }
             }
-            None if main != first => only(&main).filter(|part| mapped(part).is_some()).or(part),
+            None if main != first => only(&main, face).filter(|part| mapped(part).is_some()).or(part),
             // A map that is only found on the whole part is one.
             None => part.filter(|_| mapped(self).is_none()),
         }
@@ -141,6 +164,18 @@ impl LearnedPart {
 }
 
 impl PlacedPattern {
+    /// The points along each path that is marked.
+    fn inked_points(&self, settings: &JobSettings) -> impl Iterator<Item = Vec<FlatPoint>> {
+        let placed = &self.placed;
+        let is_ink = |layer: usize| {
+            placed.layers.get(layer).is_some_and(|layer| settings.pattern.counts_as_ink(&layer.name))
+        };
+        placed.paths.iter().filter(move |path| is_ink(path.layer)).map(|path| match path.shape {
+            Shape::Dot(point) => vec![point],
+            _ => stations(&path.shape, PIECE),
+        })
+    }
+
     /// The rectangle of the drawing and its anchor, mm, with all that it may still be turned to.
     pub(super) fn extents(&self, settings: &JobSettings) -> Extents {
         let place = self.placing.place.coords();

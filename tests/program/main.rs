@@ -51,3 +51,4 @@ mod rotary;
 mod plan;
 mod step;
 mod drilled;
+mod beside_edges;

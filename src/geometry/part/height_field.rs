@@ -1,5 +1,6 @@
 //! The height field: the height of the part over a grid of the view, as the laser sees it.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use nalgebra::{Point3, Vector2, Vector3};
@@ -44,6 +45,9 @@ const SKINS: [f64; 2] = [0.05, 2e-3];
 // A hidden face must not be a second skin.
 const _: () = assert!(HIDDEN > SKINS[0]);
 
+/// The number of no face: it is not known on which one a node is, or there is none.
+pub(crate) const NO_FACE: u32 = u32::MAX;
+
 /// A mesh with more triangles is large.
 const LARGE: usize = 300_000;
 
@@ -79,6 +83,8 @@ pub struct Grid {
 pub struct HeightField {
     grid: Grid,
     nodes: Vec<Node>,
+    /// For each node, the face of the part that it is on; empty if no edge is between two faces.
+    faces: Vec<u32>,
 }
 
 /// For every node, the triangle that the laser meets there, and where; `None` beside the part.
@@ -143,6 +149,8 @@ pub struct PartSamples {
     pub slopes: Vec<Slope>,
     /// For each node, the number of the side of the part: no edge is on it. `None` beside the part.
     pub(crate) sides: Vec<Option<u32>>,
+    /// The sides that continue each other somewhere without an edge, the smaller number first.
+    pub(crate) continuing: BTreeSet<[u32; 2]>,
 }
 
 /// The slope of the part at a node.
@@ -343,15 +351,15 @@ impl<'f> FacingPart<'f> {
         let heights = || {
             let (field, mut is_at_edge) = HeightField::from_hits(grid, &hits);
             let mut is_at_step = steps_at(&is_at_edge, grid, &hits);
-            self.mark_edges(&field, &hits, &mut is_at_edge, &mut is_at_step);
+            let continuing = self.mark_edges(&field, &hits, &mut is_at_edge, &mut is_at_step);
             self.mark_creases(&field, &mut is_at_edge);
-            (field, is_at_edge, is_at_step)
+            (field, is_at_edge, is_at_step, continuing)
         };
         let others = || (self.doubts(&hits), self.uncertainties(&hits), self.slopes(&hits));
-        let ((field, is_at_edge, is_at_step), (doubts, uncertainties, slopes)) =
+        let ((field, is_at_edge, is_at_step, continuing), (doubts, uncertainties, slopes)) =
             join(self.fork, heights, others);
         let sides = hits.iter().map(|hit| hit.map(|(triangle, _)| self.side(triangle))).collect();
-        PartSamples { field, is_at_edge, is_at_step, doubts, uncertainties, slopes, sides, skins }
+        PartSamples { field, is_at_edge, is_at_step, doubts, uncertainties, slopes, sides, continuing, skins }
     }
 
     /// For every node, the triangle that is hit there, and where it is hit; and the nodes with a second skin.
@@ -546,14 +554,15 @@ impl<'f> FacingPart<'f> {
     }
 
     /// Marks neighbouring nodes on two smooth sides of the part that do not continue each other, and those of them between which
-    /// there is a step.
+    /// there is a step; returns the sides that do.
     fn mark_edges(
         &self,
         field: &HeightField,
         hits: &[Option<(u32, Hit)>],
         is_at_edge: &mut [bool],
         is_at_step: &mut [bool],
-    ) {
+    ) -> BTreeSet<[u32; 2]> {
+        let mut continuing = BTreeSet::new();
         for_each_side(&field.grid, |first, second, step| {
             let (Some((one, a)), Some((other, b))) = (hits[first], hits[second]) else { return };
             let is_surface = |node: usize| matches!(field.nodes[node], Node::Surface(_));
@@ -571,7 +580,11 @@ impl<'f> FacingPart<'f> {
             if is_alike && is_off && a.steepness() <= STEEPEST_MARKED {
                 (is_at_step[first], is_at_step[second]) = (true, true);
             }
+            if is_alike && !is_off {
+                continuing.insert([one.min(other), one.max(other)]);
+            }
         });
+        continuing
     }
 }
 
@@ -611,7 +624,24 @@ impl HeightField {
     ) -> Option<Self> {
         let fits = columns.checked_mul(rows) == Some(nodes.len()) && columns > 1 && rows > 1;
         (fits && step > 0.0 && step.is_finite() && origin.iter().all(|value| value.is_finite()))
-            .then_some(Self { grid: Grid { origin, step, columns, rows }, nodes })
+            .then_some(Self { grid: Grid { origin, step, columns, rows }, nodes, faces: Vec::new() })
+    }
+
+    /// The field with the face of the part on which each node is; a list whose length does not match is ignored.
+    pub fn with_faces(self, faces: Vec<u32>) -> Self {
+        let faces = if faces.len() == self.nodes.len() { faces } else { Vec::new() };
+        Self { faces, ..self }
+    }
+
+    /// For each node, the face of the part that it is on; empty if no edge is between two faces.
+    pub fn faces(&self) -> &[u32] {
+        &self.faces
+    }
+
+    /// Whether no edge of the part is known to be between two nodes.
+    pub(crate) fn are_on_one_face(&self, one: usize, other: usize) -> bool {
+        let face = |node: usize| self.faces.get(node).copied().unwrap_or(NO_FACE);
+        face(one) == face(other) || face(one) == NO_FACE || face(other) == NO_FACE
     }
 
     /// Changes the heights of the surface: `change` gets the index of a node and its height, mm, and returns the new one.
@@ -646,7 +676,7 @@ impl HeightField {
                 (is_at_cliff[first], is_at_cliff[second]) = (true, true);
             }
         });
-        (Self { grid: *grid, nodes }, is_at_cliff)
+        (Self { grid: *grid, nodes, faces: Vec::new() }, is_at_cliff)
     }
 
     /// The grid.
@@ -691,8 +721,25 @@ impl HeightField {
         near
     }
 
-    /// The slope at a node that follows from the heights of one or two nodes on one side of it along x, and of one side along y; of
-    /// several, those nearest to a slope. `None` where there are none.
+    /// For each node of the smooth surface whether another face of it is within so many steps along rows and columns.
+    pub(crate) fn near_other_faces(&self, reach: usize) -> Vec<bool> {
+        let mut near = vec![false; self.nodes.len()];
+        if self.faces.is_empty() {
+            return near;
+        }
+        let is_surface = |node: usize| matches!(self.nodes[node], Node::Surface(_));
+        for_each_side(&self.grid, |one, other, _| {
+            if is_surface(one) && is_surface(other) && !self.are_on_one_face(one, other) {
+                (near[one], near[other]) = (true, true);
+            }
+        });
+        let mut near = grown(&near, self.grid.columns, reach - 1);
+        (0..near.len()).for_each(|node| near[node] &= is_surface(node));
+        near
+    }
+
+    /// The slope at a node that follows from the heights of one or two nodes on one side of it along x, and of one side along y, on
+    /// the same face; of several, those nearest to a slope. `None` where there are none.
     pub(crate) fn gradient_beside(&self, node: usize, near: Vector2<f64>) -> Option<Vector2<f64>> {
         let Grid { step, columns, rows, .. } = self.grid;
         let here = match self.nodes[node] {
@@ -703,9 +750,10 @@ impl HeightField {
         let along = |at: usize, count: usize, apart: usize, near: f64| {
             let height = |steps: isize| {
                 let place = at.checked_add_signed(steps).filter(|place| *place < count)?;
-                match self.nodes[node + place * apart - at * apart] {
-                    Node::Surface(height) => Some(height),
-                    Node::Empty | Node::Wall(_) => None,
+                let other = node + place * apart - at * apart;
+                match self.nodes[other] {
+                    Node::Surface(height) if self.are_on_one_face(node, other) => Some(height),
+                    Node::Surface(_) | Node::Empty | Node::Wall(_) => None,
                 }
             };
             let one_sided = [1, -1].into_iter().flat_map(|way: isize| {

@@ -3,6 +3,8 @@
 mod on_regions;
 mod windows;
 
+pub use on_regions::Beyond;
+
 use std::ops::Range;
 
 use nalgebra::{Vector2, Vector3};
@@ -39,6 +41,9 @@ const SWING_REACH: usize = 8;
 
 /// Finer detail than the samples show is possible where the vertices are at most this many steps of the samples apart.
 const RESOLVED: f64 = 1.0;
+
+/// Within so many steps of an edge between two faces the spline may swing.
+const FACE_REACH: usize = 4;
 
 /// Two skins on at least this share of the part are refused: nobody can tell which one is meant. On a smaller share they are
 /// labels, inlays or overlapping facets.
@@ -107,8 +112,8 @@ pub struct FittedSurface {
     differences: Vec<f64>,
     doubts: Vec<f64>,
     uncertainties: Vec<Uncertainty>,
-    /// The nodes beside walls at which the surface has another slope than the heights on their side of the wall, in ascending order:
-    /// it swings where it passes from one height to another.
+    /// The nodes beside walls and edges at which the surface has another slope than the heights on their side, in ascending order:
+    /// it swings where it passes from one height or slope to another.
     swings: Vec<(usize, Uncertainty)>,
     /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
     known: Vec<RoundForm>,
@@ -306,25 +311,38 @@ impl FittedSurface {
                 break;
             }
         }
-        let whole = Self::compare(nurbs, samples.field.clone());
-        let turns = whole.turns_between_samples(&samples.slopes, part.fork());
+        let whole = Self::sampled(part, nurbs, &samples);
         let missed = match part.is_facetted() {
             true => Vec::new(),
-            false => whole.missed(&samples, &turns, options.tolerance),
+            false => whole.missed(&samples, part.fork(), options.tolerance),
         };
-        Ok(whole
-            .doubted(samples.doubts, samples.uncertainties)
-            .doubted_between_samples(turns, &samples.is_at_edge)
-            .in_windows(part, &missed, options.tolerance))
+        let continuing = std::mem::take(&mut samples.continuing);
+        Ok(whole.doubted_by(samples, part.fork()).in_windows(part, &missed, options.tolerance, continuing))
     }
 
-    /// By how much the slope of the samples differs from that of the part, at the nodes where both are known.
-    fn turns_between_samples(&self, slopes: &[Slope], fork: &dyn Fork) -> Vec<Turn> {
-        // Beside a wall the surface of one side alone is used where it matters, and has the slope of the heights there.
+    /// A surface with samples of a part.
+    fn sampled(part: &FacingPart, nurbs: NurbsSurface, samples: &PartSamples) -> Self {
+        let faces = if part.is_facetted() { Vec::new() } else { samples.faces() };
+        Self::compare(nurbs, samples.field.clone().with_faces(faces))
+    }
+
+    /// The surface with the doubts about its samples.
+    fn doubted_by(self, samples: PartSamples, fork: &dyn Fork) -> Self {
+        let PartSamples { doubts, uncertainties, slopes, is_at_edge, .. } = samples;
+        // Beside a wall or an edge the surface of one side alone is used where it matters, and has the slope of the heights there.
         let near_walls = self.field.near_walls(SWING_REACH);
+        let near_faces = self.field.near_other_faces(FACE_REACH);
+        let is_one_sided = near_walls.into_iter().zip(near_faces).map(|(wall, face)| wall || face).collect();
+        let turns = self.turns_between_samples(&slopes, is_one_sided, fork);
+        self.doubted(doubts, uncertainties).doubted_between_samples(turns, &is_at_edge)
+    }
+
+    /// By how much the slope of the samples differs from that of the part, at the nodes where both are known; some of them know
+    /// only the heights on one side.
+    fn turns_between_samples(&self, slopes: &[Slope], is_one_sided: Vec<bool>, fork: &dyn Fork) -> Vec<Turn> {
         let turn = |node: usize| {
             let known = slopes.get(node)?;
-            let sampled = match near_walls[node] {
+            let sampled = match is_one_sided[node] {
                 true => self.field.gradient_beside(node, known.gradient)?,
                 false => self.sampled_gradient(node)?,
             };
@@ -402,22 +420,32 @@ impl FittedSurface {
             windows,
             sampled,
         };
-        Self { swings: surface.swings_beside_walls(), ..surface }
+        surface.with_swings()
     }
 
-    /// The nodes near walls at which the slope of the surface notably differs from that of the heights on their side of the wall.
-    fn swings_beside_walls(&self) -> Vec<(usize, Uncertainty)> {
-        let near = self.field.near_walls(SWING_REACH);
+    /// The surface whose swings are those of its field.
+    fn with_swings(self) -> Self {
+        Self { swings: self.swings(), ..self }
+    }
+
+    /// The nodes near walls and edges at which the slope of the surface notably differs from that of the heights on their side.
+    fn swings(&self) -> Vec<(usize, Uncertainty)> {
+        let near_walls = self.field.near_walls(SWING_REACH);
+        let near_faces = self.field.near_other_faces(FACE_REACH);
+        let at_edge = self.field.near_other_faces(1);
+        let is_near = |node: usize| near_walls[node] || near_faces[node];
         let step = self.field.step();
         let swing = |node: usize| {
             let (column, row) = (node % self.field.size().0, node / self.field.size().0);
             let sampled = self.sampled_gradient(node)?;
             let off = tangent(sampled, self.field.gradient_beside(node, sampled)?);
             let steep = self.nurbs.gradient(self.field.position(column, row)).norm_squared();
-            let slope = (BETWEEN_NODES * off / Uncertainty::PEAK) as f32;
+            // At an edge the slope jumps itself, so that no larger difference is between the nodes.
+            let times = if at_edge[node] { 1.0 } else { BETWEEN_NODES };
+            let slope = (times * off / Uncertainty::PEAK) as f32;
             is_notable(off, steep).then(|| (node, Uncertainty { slope, height: (off * step / 4.0) as f32 }))
         };
-        (0..near.len()).filter(|node| near[*node]).filter_map(swing).collect()
+        (0..near_walls.len()).filter(|node| is_near(*node)).filter_map(swing).collect()
     }
 
     /// The slope between the nodes round one, as it follows from the surface and the heights that it misses; `None` at the border of the
@@ -472,13 +500,13 @@ impl FittedSurface {
         &self.doubts
     }
 
-    /// What is not known of the part, for each node; empty if it is known. The surface may swing beside walls, too
-    /// ([`uncertainty_of`](Self::uncertainty_of)).
+    /// What is not known of the part, for each node; empty if it is known. The surface may swing beside walls and
+    /// edges, too ([`uncertainty_of`](Self::uncertainty_of)).
     pub fn uncertainties(&self) -> &[Uncertainty] {
         &self.uncertainties
     }
 
-    /// What is not known of the part at a node, with what its surface has beside walls.
+    /// What is not known of the part at a node, with what its surface has beside walls and edges.
     pub fn uncertainty_of(&self, node: usize) -> Uncertainty {
         let known = self.uncertainties.get(node).copied().unwrap_or(Uncertainty::NONE);
         match self.swings.binary_search_by_key(&node, |swing| swing.0) {
@@ -686,7 +714,7 @@ impl<'a> Data<'a> {
         let count = knots_x.control_points() * knots_y.control_points();
         let plane = NurbsSurface::new(knots_x, knots_y, vec![mean; count])
             .ok_or(SolveError::NotPositiveDefinite { unknowns: count })?;
-        self.move_towards(plane, |_| true)
+        self.move_towards(plane, |_| true, 1)
     }
 
     /// The surface corrected where its residual at used nodes is more than a quarter of `tolerance`, mm; unchanged
@@ -707,14 +735,15 @@ impl<'a> Data<'a> {
                 }
             }
         }
-        self.move_towards(nurbs, |point| is_free[point])
+        self.move_towards(nurbs, |point| is_free[point], 1)
     }
 
-    /// The surface with the free control points moved by least squares.
+    /// The surface with the free control points moved by least squares, in so many passes.
     fn move_towards(
         &self,
         nurbs: NurbsSurface,
         is_free: impl Fn(usize) -> bool + Sync,
+        passes: usize,
     ) -> Result<NurbsSurface, FitError> {
         let field = self.field;
         let (knots_x, knots_y) = nurbs.knots();
@@ -761,7 +790,7 @@ impl<'a> Data<'a> {
             || equations.fill(self.fork, &fill),
         );
         equations.add_third_difference_penalty(SMOOTHNESS);
-        let steps = equations.solve(&solver?.with_fork(self.fork))?;
+        let steps = equations.solve_in_passes(&solver?.with_fork(self.fork), SMOOTHNESS, passes)?;
         Ok(nurbs.moved(steps.into_iter().map(|[step]| step)))
     }
 }

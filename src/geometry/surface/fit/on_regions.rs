@@ -4,10 +4,14 @@
 //! A spline that follows a cliff swings beside it, and any map across the cliff folds. A drawing that is marked beside a hole
 //! needs only the surface round the hole.
 
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix2, Vector2, Vector3};
+
 use super::windows::covering;
 use super::{Data, FitError, FitOptions, FittedSurface, Window};
 use crate::geometry::fork::Fork;
-use crate::geometry::height_field::{HeightField, Node, grown};
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, grown};
 use crate::geometry::space::ViewPoint;
 use crate::geometry::surface::knots::DEGREE;
 use crate::geometry::surface::nurbs::NurbsSurface;
@@ -16,9 +20,21 @@ use crate::geometry::surface::nurbs::NurbsSurface;
 /// swings beside it by 0.27 times as much in each span, so that a step of 30 mm leaves less than 0.1 µm beyond them.
 const SWING: usize = 16;
 
-/// The control points that are determined again start at one height. Smoothness applies to the way from there, which would pull
+/// The same where there is no step, but an edge: it is missed by less than half a span, a mm or so.
+const SWING_AT_EDGE: usize = 8;
+
+/// The control points that are determined again start on a plane. Smoothness applies to the way from there, which would pull
 /// them towards it; from where that way ends it no longer does.
-const PASSES: usize = 2;
+const PASSES: usize = 3;
+
+/// What is between the surface and the places that it is without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Beyond {
+    /// Edges of the part, at which the slope changes.
+    Edges,
+    /// Steps, at which the height does.
+    Steps,
+}
 
 impl FittedSurface {
     /// The surface of a whole part without the places of its smooth surface for which `is_left_out`: nodes there are walls. It
@@ -29,16 +45,15 @@ impl FittedSurface {
     pub fn without(
         &self,
         is_left_out: impl Fn(ViewPoint) -> bool,
+        beyond: Beyond,
         fork: &dyn Fork,
     ) -> Result<Self, FitError> {
         let Some((field, left_out)) = self.field.with_walls(&is_left_out) else { return Ok(self.clone()) };
-        let is_free = self.control_points_near(&left_out);
+        let is_free = self.control_points_near(&left_out, beyond);
         let data = Data::of_all(&field, fork);
-        let mut nurbs = self.levelled(&data, &is_free).unwrap_or_else(|| self.nurbs.clone());
-        for _ in 0..PASSES {
-            nurbs = data.move_towards(nurbs, |point| is_free[point])?;
-        }
-        let mut whole = self.alike(nurbs, field);
+        let start = self.levelled(&data, &is_free).unwrap_or_else(|| self.nurbs.clone());
+        let nurbs = data.move_towards(start, |point| is_free[point], PASSES)?;
+        let mut whole = self.alike(nurbs, field, &left_out);
         let mut windows = Vec::with_capacity(self.windows.len());
         for window in &self.windows {
             whole.windows.clone_from(&windows);
@@ -57,24 +72,41 @@ impl FittedSurface {
         fork: &dyn Fork,
     ) -> Result<Option<Window>, FitError> {
         let Window { level, first, core, surface } = window;
-        let Some((field, _)) = surface.field.with_walls(is_left_out) else { return Ok(None) };
+        let Some((field, left_out)) = surface.field.with_walls(is_left_out) else { return Ok(None) };
         let (x, y) = surface.nurbs.knots();
         let spans = [first[0]..first[0] + x.spans(), first[1]..first[1] + y.spans()];
         let Some(before) = self.over(level - 1, &covering(&spans, 1)) else { return Ok(None) };
         let nurbs = Data::of_all(&field, fork).correct(before.halved(), FitOptions::default().tolerance)?;
-        let surface = surface.alike(nurbs, field);
+        let surface = surface.alike(nurbs, field, &left_out);
         Ok(Some(Window { level: *level, first: *first, core: core.clone(), surface }))
     }
 
-    /// Another surface and other nodes with what is known of the part.
-    fn alike(&self, nurbs: NurbsSurface, field: HeightField) -> Self {
-        Self::compare(nurbs, field)
-            .doubted(self.doubts.clone(), self.uncertainties.clone())
+    /// Another surface without some nodes, with what is known of the part. An edge is between two nodes: as far as the next ones
+    /// beyond it, the new surface continues the face on this side.
+    fn alike(&self, nurbs: NurbsSurface, field: HeightField, left_out: &[bool]) -> Self {
+        let beyond = self.field.beyond_edges(left_out);
+        let (mut doubts, mut uncertainties) = (self.doubts.clone(), self.uncertainties.clone());
+        let columns = field.size().0;
+        let continued = beyond.iter().map(|(node, kept)| {
+            let at = field.position(node % columns, node / columns);
+            (*node, field.faces()[*kept], nurbs.height(at))
+        });
+        let continued: Vec<_> = continued.collect();
+        for (node, kept) in beyond {
+            if !doubts.is_empty() {
+                doubts[node] = doubts[kept];
+            }
+            if !uncertainties.is_empty() {
+                uncertainties[node] = uncertainties[kept];
+            }
+        }
+        Self::compare(nurbs, field.with_continued(&continued))
+            .doubted(doubts, uncertainties)
             .with_known(self.known.clone())
     }
 
     /// Whether each control point is near one of the marked nodes.
-    fn control_points_near(&self, marked: &[bool]) -> Vec<bool> {
+    fn control_points_near(&self, marked: &[bool], beyond: Beyond) -> Vec<bool> {
         let (knots_x, knots_y) = self.nurbs.knots();
         let (columns, rows) = (knots_x.control_points(), knots_y.control_points());
         let mut near = vec![false; columns * rows];
@@ -86,24 +118,41 @@ impl FittedSurface {
                 near[row * columns + first_x..=row * columns + first_x + DEGREE].fill(true);
             }
         }
-        grown(&near, columns, SWING)
+        let reach = match beyond {
+            Beyond::Edges => SWING_AT_EDGE,
+            Beyond::Steps => SWING,
+        };
+        grown(&near, columns, reach)
     }
 
-    /// The surface with its free control points at the mean height of the data near them; `None` if there is none.
+    /// The surface with its free control points on the plane through the data near them; `None` if there is none.
     fn levelled(&self, data: &Data<'_>, is_free: &[bool]) -> Option<NurbsSurface> {
         let (knots_x, knots_y) = self.nurbs.knots();
         let columns = knots_x.control_points();
-        let (mut sum, mut count) = (0.0, 0usize);
-        for (column, row, height) in data.field.surface_nodes() {
+        let near = data.field.surface_nodes().filter_map(|(column, row, height)| {
             let at = data.field.position(column, row);
             let point = knots_y.span(at.y) * columns + knots_x.span(at.x);
-            if data.used[row * data.field.size().0 + column] && is_free[point] {
-                (sum, count) = (sum + height, count + 1);
-            }
+            let is_near = data.used[row * data.field.size().0 + column] && is_free[point];
+            is_near.then(|| Vector3::new(at.x, at.y, height))
+        });
+        let near: Vec<Vector3<f64>> = near.collect();
+        let mean = (!near.is_empty()).then(|| near.iter().sum::<Vector3<f64>>() / near.len() as f64)?;
+        let (mut matrix, mut right) = (Matrix2::zeros(), Vector2::zeros());
+        for place in &near {
+            let from_mean = place - mean;
+            matrix += from_mean.xy() * from_mean.xy().transpose();
+            right += from_mean.xy() * from_mean.z;
         }
-        let mean = (count > 0).then(|| sum / count as f64)?;
-        let heights = self.nurbs.heights().iter().zip(is_free);
-        let heights = heights.map(|(height, is_free)| if *is_free { mean } else { *height });
+        // Data on one line do not determine a plane.
+        let slope = matrix.cholesky().map(|matrix| matrix.solve(&right));
+        let slope = slope.filter(|slope| slope.norm() <= STEEPEST_SURFACE.tan()).unwrap_or_default();
+        let on_plane = |point: usize| {
+            let at = Vector2::new(knots_x.greville(point % columns), knots_y.greville(point / columns));
+            mean.z + slope.dot(&(at - mean.xy()))
+        };
+        let heights = self.nurbs.heights().iter().zip(is_free).enumerate();
+        let heights =
+            heights.map(|(point, (height, is_free))| if *is_free { on_plane(point) } else { *height });
         NurbsSurface::new(knots_x, knots_y, heights.collect())
     }
 }
@@ -129,7 +178,45 @@ impl HeightField {
             node => *node,
         });
         let field = Self::new(self.origin(), self.step(), columns, rows, nodes.collect())?;
+        let field = field.with_faces(self.faces().to_vec());
         marked.contains(&true).then_some((field, marked))
+    }
+
+    /// The nodes among those left out that are just beyond an edge, in ascending order, each with a node of the face on this side:
+    /// they are round one cell.
+    fn beyond_edges(&self, left_out: &[bool]) -> BTreeMap<usize, usize> {
+        let mut beyond = BTreeMap::new();
+        if self.faces().is_empty() {
+            return beyond;
+        }
+        let (columns, rows) = self.size();
+        for row in 0..rows - 1 {
+            for column in 0..columns - 1 {
+                let nodes = self.cell_nodes(column, row);
+                let kept = nodes.iter().find(|node| !left_out[**node]);
+                let is_surface = |node: &usize| matches!(self.nodes()[*node], Node::Surface(_));
+                let Some(kept) = kept.filter(|_| nodes.iter().all(is_surface)) else { continue };
+                for node in nodes {
+                    if left_out[node] && !self.are_on_one_face(node, *kept) {
+                        beyond.entry(node).or_insert(*kept);
+                    }
+                }
+            }
+        }
+        beyond
+    }
+
+    /// The field with other nodes of its surface: their indices, faces and heights, mm.
+    fn with_continued(self, others: &[(usize, u32, f64)]) -> Self {
+        let (mut nodes, mut faces) = (self.nodes().to_vec(), self.faces().to_vec());
+        for (node, face, height) in others {
+            (nodes[*node], faces[*node]) = (Node::Surface(*height), *face);
+        }
+        let (columns, rows) = self.size();
+        match Self::new(self.origin(), self.step(), columns, rows, nodes) {
+            Some(field) if !others.is_empty() => field.with_faces(faces),
+            _ => self,
+        }
     }
 }
 
@@ -161,7 +248,7 @@ mod tests {
         for floor in [0.0, 24.0, 40.0] {
             let surface = drilled(floor);
             let is_in_hole = |at: ViewPoint| at.coords().norm() < 4.0;
-            let round = surface.without(is_in_hole, &InTurn).unwrap();
+            let round = surface.without(is_in_hole, Beyond::Steps, &InTurn).unwrap();
             assert!(!round.field.is_surface(ViewPoint::new(0.1, 0.1)));
             for step in 0..400 {
                 let (angle, radius) = (f64::from(step) * 2.4, 12.0 * f64::from(step) / 400.0);
@@ -170,7 +257,7 @@ mod tests {
                 let limit = if radius > 4.5 { 2e-5 } else { 5e-3 };
                 assert!(off.abs() < limit, "{off} mm at {at:?}, floor at {floor}");
             }
-            let flat = surface.without(|at| !is_in_hole(at), &InTurn).unwrap();
+            let flat = surface.without(|at| !is_in_hole(at), Beyond::Steps, &InTurn).unwrap();
             let off = flat.nurbs.height(ViewPoint::new(2.0, 1.0)) - floor;
             assert!(off.abs() < 1e-6, "{off} mm");
         }

@@ -10,8 +10,12 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
-use super::{Data, FittedSurface, NODES_PER_SPAN, Residual, Turn, Window};
-use crate::geometry::height_field::{FacingPart, Grid, HeightField, Node, PartSamples, Uncertainty, grown};
+use super::{Data, FittedSurface, NODES_PER_SPAN, Residual, SWING_REACH, Window};
+use crate::geometry::faces::joined;
+use crate::geometry::fork::Fork;
+use crate::geometry::height_field::{
+    FacingPart, Grid, HeightField, NO_FACE, Node, PartSamples, Uncertainty, grown,
+};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;
 
@@ -94,6 +98,8 @@ struct Fitted {
     missed: Vec<bool>,
     /// Whether its spans are better than those twice as long.
     helps: bool,
+    /// The sides of the part that continue each other there.
+    continuing: BTreeSet<[u32; 2]>,
 }
 
 /// What is known at the nodes of a grid.
@@ -110,6 +116,7 @@ struct KnownNode {
     uncertainty: Uncertainty,
     /// Whether the part was sampled there.
     is_sampled: bool,
+    face: u32,
 }
 
 impl KnownNode {
@@ -120,6 +127,7 @@ impl KnownNode {
             doubt: surface.doubts.get(node).copied().unwrap_or_default(),
             uncertainty: surface.uncertainty_of(node),
             is_sampled: surface.is_sampled(node),
+            face: surface.field.faces().get(node).copied().unwrap_or(NO_FACE),
         }
     }
 
@@ -145,6 +153,7 @@ impl KnownNode {
                 .map(|known| known.uncertainty)
                 .fold(Uncertainty::NONE, Uncertainty::largest),
             is_sampled: false,
+            face: if nodes.iter().all(|known| known.face == nodes[0].face) { nodes[0].face } else { NO_FACE },
         }
     }
 }
@@ -338,9 +347,16 @@ impl FittedSurface {
     }
 
     /// The surface fitted again with smaller spans where it misses the part, until it does not or smaller spans do not help.
-    pub(super) fn in_windows(mut self, part: &FacingPart, missed: &[bool], tolerance: f64) -> Self {
+    /// `continuing` are the sides of the part that continue each other at its own nodes.
+    pub(super) fn in_windows(
+        mut self,
+        part: &FacingPart,
+        missed: &[bool],
+        tolerance: f64,
+        mut continuing: BTreeSet<[u32; 2]>,
+    ) -> Self {
         if !self.are_few(missed) {
-            return self;
+            return self.with_joined_faces(&continuing);
         }
         let mut squares = BTreeSet::new();
         let columns = self.field.size().0;
@@ -365,7 +381,8 @@ impl FittedSurface {
             }
             let found: Vec<Fitted> =
                 cores.into_iter().filter_map(|core| self.window(part, level, core, tolerance)).collect();
-            for Fitted { window, missed, helps } in found {
+            for Fitted { window, missed, helps, continuing: there } in found {
+                continuing.extend(there);
                 match (helps, level) {
                     (true, _) => {}
                     (false, 1) => doubtful.push(self.windows.len()),
@@ -393,7 +410,36 @@ impl FittedSurface {
         for window in vain.into_iter().rev() {
             windows.remove(window);
         }
-        self.through(windows)
+        self.through(windows).with_joined_faces(&continuing)
+    }
+
+    /// The surface and its windows with faces as one that continue each other; with none if there are no others.
+    fn with_joined_faces(mut self, continuing: &BTreeSet<[u32; 2]>) -> Self {
+        let surfaces = || std::iter::once(&self).chain(self.windows.iter().map(|window| &window.surface));
+        let mut faces: Vec<Vec<u32>> =
+            surfaces().map(|surface| joined(surface.field.faces(), continuing)).collect();
+        let are_several = surfaces().zip(&faces).any(|(surface, faces)| {
+            let columns = surface.field.size().0;
+            let mut on_surface = surface.field.surface_nodes();
+            !faces.is_empty() && on_surface.any(|(column, row, _)| faces[row * columns + column] != faces[0])
+        });
+        if !are_several {
+            faces.iter_mut().for_each(Vec::clear);
+        }
+        let mut faces = faces.into_iter();
+        let mut joined = |surface: Self| {
+            let faces = faces.next().unwrap_or_default();
+            if surface.field.faces() == faces {
+                return surface;
+            }
+            let field = surface.field.with_faces(faces);
+            Self { field, ..surface }.with_swings()
+        };
+        let windows = std::mem::take(&mut self.windows);
+        let whole = joined(self);
+        let windows =
+            windows.into_iter().map(|window| Window { surface: joined(window.surface), ..window }).collect();
+        Self { windows, ..whole }
     }
 
     /// Fits a window; `None` if nothing of the part can be fitted there.
@@ -423,13 +469,10 @@ impl FittedSurface {
         };
         let near = grown(&samples.is_at_edge, columns, REACH);
         let of_before = heights_over(&before, &grid);
-        let PartSamples { field, is_at_edge, doubts, uncertainties, slopes, .. } = &samples;
-        let surface = Self::compare(nurbs, field.clone());
-        let turns = surface.turns_between_samples(slopes, part.fork());
-        let mut missed = surface.missed_by(1.0, &samples, &turns, tolerance);
+        let surface = Self::sampled(part, nurbs, &samples);
+        let mut missed = surface.missed_by(1.0, &samples, part.fork(), tolerance);
         missed.iter_mut().enumerate().for_each(|(node, missed)| *missed &= in_core(node));
-        let surface =
-            surface.doubted(doubts.clone(), uncertainties.clone()).doubted_between_samples(turns, is_at_edge);
+        let PartSamples { field, slopes, .. } = &samples;
         let (mut squares_before, mut squares_after, mut count) = (0.0, 0.0, 0usize);
         for (column, row, height) in field.surface_nodes() {
             let node = row * columns + column;
@@ -445,7 +488,10 @@ impl FittedSurface {
         let helps =
             4.0 * squares_after <= squares_before || squares_after <= count as f64 * tolerance.powi(2) / 4.0;
         let first = [covered[0].start, covered[1].start];
-        Some(Fitted { window: Window { level, first, core, surface }, missed, helps })
+        let mut samples = samples;
+        let continuing = std::mem::take(&mut samples.continuing);
+        let surface = surface.doubted_by(samples, part.fork());
+        Some(Fitted { window: Window { level, first, core, surface }, missed, helps, continuing })
     }
 
     /// The surface round a drawing with these extents, with the smallest spans of the windows under it; `None` if no window is
@@ -490,7 +536,11 @@ impl FittedSurface {
         }
         let Grid { origin, step, columns, rows } = grid_of(&nurbs);
         let heights = known.nodes.iter().map(|known| known.node).collect();
-        let field = HeightField::new(origin, step, columns, rows, heights)?;
+        let faces = match self.field.faces() {
+            [] => Vec::new(),
+            _ => known.nodes.iter().map(|known| known.face).collect(),
+        };
+        let field = HeightField::new(origin, step, columns, rows, heights)?.with_faces(faces);
         let doubts = match known.nodes.iter().any(|known| known.doubt > 0.0) {
             true => known.nodes.iter().map(|known| known.doubt).collect(),
             false => Vec::new(),
@@ -505,8 +555,8 @@ impl FittedSurface {
 
 impl FittedSurface {
     /// The nodes at which the surface of a whole part misses it by far ([`Self::missed_by`]).
-    pub(super) fn missed(&self, samples: &PartSamples, turns: &[Turn], tolerance: f64) -> Vec<bool> {
-        self.missed_by(BY_FAR, samples, turns, tolerance)
+    pub(super) fn missed(&self, samples: &PartSamples, fork: &dyn Fork, tolerance: f64) -> Vec<bool> {
+        self.missed_by(BY_FAR, samples, fork, tolerance)
     }
 
     /// Whether few of the nodes on the part are marked.
@@ -515,9 +565,10 @@ impl FittedSurface {
         count as f64 <= FEW * self.field.surface_nodes().count() as f64
     }
 
-    /// The nodes at which the surface misses the part where it may be marked, given the turns between its samples; and those of
-    /// sides that are so narrow that most of their nodes are beside edges. The tolerance is in mm.
-    fn missed_by(&self, times: f64, samples: &PartSamples, turns: &[Turn], tolerance: f64) -> Vec<bool> {
+    /// The nodes at which the surface misses the part where it may be marked; and those of sides that are so narrow that most of
+    /// their nodes are beside edges. The tolerance is in mm.
+    fn missed_by(&self, times: f64, samples: &PartSamples, fork: &dyn Fork, tolerance: f64) -> Vec<bool> {
+        let turns = self.turns_between_samples(&samples.slopes, self.field.near_walls(SWING_REACH), fork);
         let columns = self.field.size().0;
         let near = grown(&samples.is_at_edge, columns, REACH);
         let narrow = match times > 1.0 && self.field.step() < CLOSE {
