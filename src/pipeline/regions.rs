@@ -8,6 +8,7 @@ use super::{LearnedPart, Pipeline};
 use crate::config::{Align, JobSettings, Tiles};
 use crate::cores::Cores;
 use crate::geometry::ink::stations;
+use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::quality::PIECE;
 use crate::geometry::pattern::Shape;
 use crate::geometry::regions::Regions;
@@ -145,16 +146,24 @@ impl LearnedPart {
                 let confirmed = Visited::by(&turned, settings, &regions, |at| map.point(at)).marked();
                 let kept = confirmed.unwrap_or_else(|| first.clone());
                 let on_face = face_under(&turned, &|at| map.point(at));
-                let confirms = |part: &Self| {
-                    mapped(part)
-                        .is_some_and(|(turned, map)| face_under(&turned, &|at| map.point(at)) == on_face)
+                // The nodes of a narrow groove or rib may leave no surface under ink that is close to it.
+                let is_whole = |part: &Self, drawing: &PlacedPattern, map: &LengthTrueMap| {
+                    let field = &part.kept.surface.field;
+                    drawing.inked_points(settings).flatten().all(|point| field.is_surface(map.point(point)))
                 };
-                match (kept == first, on_face) {
-                    (true, _) if on_face == face => part,
-                    (_, None) => only(&kept, None),
-                    // The map on both sides of an edge shows where the drawing is only about.
-                    _ => only(&kept, on_face).filter(confirms).or_else(|| only(&kept, None)),
+                let is_same = kept == first && on_face == face;
+                if is_same && part.as_ref().is_none_or(|part| face.is_none() || is_whole(part, &turned, &map))
+                {
+                    return part;
                 }
+                // The map on both sides of an edge shows where the drawing is only about.
+                let confirms = |part: &Self| {
+                    mapped(part).is_some_and(|(turned, map)| {
+                        face_under(&turned, &|at| map.point(at)) == on_face && is_whole(part, &turned, &map)
+                    })
+                };
+                let found = on_face.filter(|_| !is_same).and_then(|_| only(&kept, on_face));
+                found.filter(confirms).or_else(|| only(&kept, None))
             }
             None if main != first => only(&main, face).filter(|part| mapped(part).is_some()).or(part),
             // A map that is only found on the whole part is one.

@@ -14,6 +14,9 @@ use crate::geometry::space::{Extents, ViewPoint};
 /// a narrow face between them that no node is on.
 const BESIDE_EDGE: f64 = 0.2;
 
+/// So many nodes in a row show how a face is curved.
+const LEAST_ACROSS: usize = 3;
+
 /// Two faces meet at an edge if their slopes differ by at least this, no unit.
 const LEAST_TURN: f64 = 1e-3;
 
@@ -65,8 +68,8 @@ impl HeightField {
         Some(nearest.is_some_and(|nearest| *nearest != face && *nearest != NO_FACE))
     }
 
-    /// The face that a point is on; `None` beside the smooth surface, where that is not known, and within a fifth of a step from an
-    /// edge.
+    /// The face that a point is on; `None` beside the smooth surface, where that is not known or too few nodes there are on the face to
+    /// show how it is curved, and within a fifth of a step from an edge.
     pub fn face_at(&self, at: ViewPoint) -> Option<u32> {
         let (column, row, _) = self.cell(at)?;
         let nodes = self.cell_nodes(column, row);
@@ -76,13 +79,34 @@ impl HeightField {
         if self.faces().is_empty() || !nodes.iter().all(is_known) {
             return None;
         }
-        let faces: BTreeSet<u32> = nodes.iter().map(|node| self.faces()[*node]).collect();
-        let mut faces = faces.into_iter();
-        match (faces.next(), faces.next(), faces.next()) {
-            (face, None, _) => face,
-            (Some(one), Some(other), None) => self.face_beside_edge(at, nodes, [one, other]),
-            _ => None,
-        }
+        let faces = nodes.map(|node| self.faces()[node]);
+        let others = || faces.into_iter().filter(|face| *face != faces[0]);
+        let face = match others().next() {
+            None => faces[0],
+            Some(other) if others().all(|face| face == other) => {
+                self.face_beside_edge(at, nodes, [faces[0].min(other), faces[0].max(other)])?
+            }
+            Some(_) => return None,
+        };
+        let is_wide = |node: &usize| (0..2).all(|axis| self.nodes_across(*node, axis) >= LEAST_ACROSS);
+        nodes.iter().filter(|node| self.faces()[**node] == face).all(is_wide).then_some(face)
+    }
+
+    /// How many nodes in a row along x (0) or y (1), of those near a node of the smooth surface and with it, are on its face.
+    fn nodes_across(&self, node: usize, axis: usize) -> usize {
+        let (columns, rows) = self.size();
+        let (at, count, apart) = [(node % columns, columns, 1), (node / columns, rows, columns)][axis];
+        let on_face = |way: isize| {
+            (1..LEAST_ACROSS as isize)
+                .map_while(|steps| at.checked_add_signed(steps * way).filter(|place| *place < count))
+                .map(|place| node + place * apart - at * apart)
+                .take_while(|other| {
+                    matches!(self.nodes()[*other], Node::Surface(_))
+                        && self.faces()[*other] == self.faces()[node]
+                })
+                .count()
+        };
+        1 + on_face(-1) + on_face(1)
     }
 
     /// Of two faces with the nodes round a point, the one that it is on: each is continued with its slope as far as the other.
@@ -202,6 +226,12 @@ mod tests {
         assert_eq!(field.is_on_other_face(ViewPoint::new(0.4, 5.0), 4), Some(true));
         assert_eq!(field.is_on_other_face(ViewPoint::new(0.4, -5.0), 4), Some(false));
         assert_eq!(field.is_on_other_face(ViewPoint::new(0.4, 50.0), 4), None);
+        let mut strip = field.faces().to_vec();
+        // Two nodes do not show how the face between these is curved; three do.
+        for (rows, known) in [(10..12, None), (10..13, Some(7))] {
+            rows.for_each(|row| strip[row * 21..(row + 1) * 21].fill(7));
+            assert_eq!(field.clone().with_faces(strip.clone()).face_at(ViewPoint::new(3.5, 0.5)), known);
+        }
         let smooth = field.with_faces(Vec::new());
         assert!(!smooth.has_edge_within(&square(3.0, 0.0)));
         assert_eq!(smooth.face_at(ViewPoint::new(0.5, 5.0)), None);

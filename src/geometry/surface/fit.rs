@@ -112,9 +112,11 @@ pub struct FittedSurface {
     differences: Vec<f64>,
     doubts: Vec<f64>,
     uncertainties: Vec<Uncertainty>,
-    /// The nodes beside walls and edges at which the surface has another slope than the heights on their side, in ascending order:
-    /// it swings where it passes from one height or slope to another.
+    /// The nodes beside walls at which the surface has another slope than the heights on their side of the wall, in ascending order:
+    /// it swings where it passes from one height to another.
     swings: Vec<(usize, Uncertainty)>,
+    /// What is not known of the part at nodes near edges, in ascending order, if the surface is without what is beyond the edge.
+    alone: Vec<(usize, Uncertainty)>,
     /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
     known: Vec<RoundForm>,
     windows: Vec<Window>,
@@ -329,17 +331,30 @@ impl FittedSurface {
     /// The surface with the doubts about its samples.
     fn doubted_by(self, samples: PartSamples, fork: &dyn Fork) -> Self {
         let PartSamples { doubts, uncertainties, slopes, is_at_edge, .. } = samples;
-        // Beside a wall or an edge the surface of one side alone is used where it matters, and has the slope of the heights there.
+        // Beside a wall the surface of one side alone is used where it matters, and has the slope of the heights there.
         let near_walls = self.field.near_walls(SWING_REACH);
         let near_faces = self.field.near_other_faces(FACE_REACH);
-        let is_one_sided = near_walls.into_iter().zip(near_faces).map(|(wall, face)| wall || face).collect();
-        let turns = self.turns_between_samples(&slopes, is_one_sided, fork);
-        self.doubted(doubts, uncertainties).doubted_between_samples(turns, &is_at_edge)
+        let turns = self.turns_between_samples(&slopes, &near_walls, fork);
+        let doubted = self.doubted(doubts, uncertainties);
+        let uncertainties = doubted.doubts_between_samples(turns, &is_at_edge);
+        if !near_faces.contains(&true) {
+            return Self { uncertainties, ..doubted };
+        }
+        let is_one_sided: Vec<bool> =
+            near_walls.iter().zip(&near_faces).map(|(wall, face)| *wall || *face).collect();
+        let turns = doubted.turns_between_samples(&slopes, &is_one_sided, fork);
+        let alone = doubted.doubts_between_samples(turns, &is_at_edge);
+        let of =
+            |uncertainties: &[Uncertainty], node: usize| uncertainties.get(node).copied().unwrap_or_default();
+        let alone =
+            (0..near_faces.len()).filter(|node| near_faces[*node]).map(|node| (node, of(&alone, node)));
+        let alone = alone.filter(|(node, uncertainty)| *uncertainty != of(&uncertainties, *node)).collect();
+        Self { alone, uncertainties, ..doubted }
     }
 
     /// By how much the slope of the samples differs from that of the part, at the nodes where both are known; some of them know
     /// only the heights on one side.
-    fn turns_between_samples(&self, slopes: &[Slope], is_one_sided: Vec<bool>, fork: &dyn Fork) -> Vec<Turn> {
+    fn turns_between_samples(&self, slopes: &[Slope], is_one_sided: &[bool], fork: &dyn Fork) -> Vec<Turn> {
         let turn = |node: usize| {
             let known = slopes.get(node)?;
             let sampled = match is_one_sided[node] {
@@ -352,19 +367,20 @@ impl FittedSurface {
         found(fork, slopes.len(), turn)
     }
 
-    /// The surface with a doubt about its slope where the samples round a jump of the slope or of the curvature, as beside a
-    /// fillet: there the slope between them differs from that of the part at the nodes.
-    fn doubted_between_samples(mut self, turns: Vec<Turn>, is_at_edge: &[bool]) -> Self {
+    /// What is not known of the part at each node, with a doubt about the slope of the surface where the samples round a jump of
+    /// the slope or of the curvature, as beside a fillet: there the slope between them differs from that of the part at the nodes.
+    fn doubts_between_samples(&self, turns: Vec<Turn>, is_at_edge: &[bool]) -> Vec<Uncertainty> {
         let (columns, rows) = self.field.size();
         let step = self.field.step();
         let is_notable = |turn: &Turn| is_notable(turn.off, turn.steep);
         if !turns.iter().any(is_notable) {
-            return self;
+            return self.uncertainties.clone();
         }
         let values =
             turns.iter().map(|turn| (turn.node, [turn.off * turn.off, f64::from(is_notable(turn)), 1.0]));
         let sums = Sums::of(columns, rows, values);
-        self.uncertainties.resize(columns * rows, Uncertainty::NONE);
+        let mut uncertainties = self.uncertainties.clone();
+        uncertainties.resize(columns * rows, Uncertainty::NONE);
         for Turn { node, off, .. } in turns.into_iter().filter(is_notable) {
             // It is a largest value. At an edge of the part the slope jumps itself, so that no larger one is between the nodes.
             let times = if is_at_edge.get(node) == Some(&true) { 1.0 } else { BETWEEN_NODES };
@@ -373,10 +389,10 @@ impl FittedSurface {
             let [squares, notable, all] = sums.round(node, ROUND);
             let of_ribs = if 2.0 * notable > all { off.min((squares / all).max(0.0).sqrt()) } else { 0.0 };
             let slope = of_jump.max(of_ribs) as f32;
-            let known = &mut self.uncertainties[node];
+            let known = &mut uncertainties[node];
             *known = known.largest(Uncertainty { slope, height: (off * step / 4.0) as f32 });
         }
-        self
+        uncertainties
     }
 
     /// Fits a height field by least squares, one span for every two nodes. Nodes at a cliff are excluded, because a
@@ -407,7 +423,7 @@ impl FittedSurface {
         });
         let residual = Residual::of(&field, &differences);
         let (doubts, uncertainties, known) = (Vec::new(), Vec::new(), Vec::new());
-        let (windows, sampled, swings) = (Vec::new(), Vec::new(), Vec::new());
+        let (windows, sampled, swings, alone) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let surface = Self {
             nurbs,
             field,
@@ -416,36 +432,27 @@ impl FittedSurface {
             doubts,
             uncertainties,
             swings,
+            alone,
             known,
             windows,
             sampled,
         };
-        surface.with_swings()
+        Self { swings: surface.swings_beside_walls(), ..surface }
     }
 
-    /// The surface whose swings are those of its field.
-    fn with_swings(self) -> Self {
-        Self { swings: self.swings(), ..self }
-    }
-
-    /// The nodes near walls and edges at which the slope of the surface notably differs from that of the heights on their side.
-    fn swings(&self) -> Vec<(usize, Uncertainty)> {
-        let near_walls = self.field.near_walls(SWING_REACH);
-        let near_faces = self.field.near_other_faces(FACE_REACH);
-        let at_edge = self.field.near_other_faces(1);
-        let is_near = |node: usize| near_walls[node] || near_faces[node];
+    /// The nodes near walls at which the slope of the surface notably differs from that of the heights on their side of the wall.
+    fn swings_beside_walls(&self) -> Vec<(usize, Uncertainty)> {
+        let near = self.field.near_walls(SWING_REACH);
         let step = self.field.step();
         let swing = |node: usize| {
             let (column, row) = (node % self.field.size().0, node / self.field.size().0);
             let sampled = self.sampled_gradient(node)?;
             let off = tangent(sampled, self.field.gradient_beside(node, sampled)?);
             let steep = self.nurbs.gradient(self.field.position(column, row)).norm_squared();
-            // At an edge the slope jumps itself, so that no larger difference is between the nodes.
-            let times = if at_edge[node] { 1.0 } else { BETWEEN_NODES };
-            let slope = (times * off / Uncertainty::PEAK) as f32;
+            let slope = (BETWEEN_NODES * off / Uncertainty::PEAK) as f32;
             is_notable(off, steep).then(|| (node, Uncertainty { slope, height: (off * step / 4.0) as f32 }))
         };
-        (0..near_walls.len()).filter(|node| is_near(*node)).filter_map(swing).collect()
+        (0..near.len()).filter(|node| near[*node]).filter_map(swing).collect()
     }
 
     /// The slope between the nodes round one, as it follows from the surface and the heights that it misses; `None` at the border of the
@@ -480,6 +487,17 @@ impl FittedSurface {
         Self { doubts, uncertainties, ..self }
     }
 
+    /// What is not known of the part at nodes near edges, in ascending order, if the surface is without what is beyond the edge.
+    pub fn alone(&self) -> &[(usize, Uncertainty)] {
+        &self.alone
+    }
+
+    /// The surface with [`Self::alone`]; nodes that it does not have are ignored.
+    pub fn with_alone(self, mut alone: Vec<(usize, Uncertainty)>) -> Self {
+        alone.retain(|(node, _)| *node < self.field.nodes().len());
+        Self { alone, ..self }
+    }
+
     /// The surface of a part whose file states that it has faces on these cylinders and cones, in the frame of the view.
     pub fn with_known(self, known: Vec<RoundForm>) -> Self {
         Self { known, ..self }
@@ -500,13 +518,13 @@ impl FittedSurface {
         &self.doubts
     }
 
-    /// What is not known of the part, for each node; empty if it is known. The surface may swing beside walls and
-    /// edges, too ([`uncertainty_of`](Self::uncertainty_of)).
+    /// What is not known of the part, for each node; empty if it is known. The surface may swing beside walls, too
+    /// ([`uncertainty_of`](Self::uncertainty_of)).
     pub fn uncertainties(&self) -> &[Uncertainty] {
         &self.uncertainties
     }
 
-    /// What is not known of the part at a node, with what its surface has beside walls and edges.
+    /// What is not known of the part at a node, with what its surface has beside walls.
     pub fn uncertainty_of(&self, node: usize) -> Uncertainty {
         let known = self.uncertainties.get(node).copied().unwrap_or(Uncertainty::NONE);
         match self.swings.binary_search_by_key(&node, |swing| swing.0) {

@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::windows::covering;
-use super::{Data, FitError, FitOptions, FittedSurface, Window};
+use super::{Data, FACE_REACH, FitError, FitOptions, FittedSurface, Window};
 use crate::geometry::fork::Fork;
-use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, grown};
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty, grown};
 use crate::geometry::space::ViewPoint;
 use crate::geometry::surface::knots::DEGREE;
 use crate::geometry::surface::nurbs::NurbsSurface;
@@ -23,9 +23,15 @@ const SWING: usize = 16;
 /// The same where there is no step, but an edge: it is missed by less than half a span, a mm or so.
 const SWING_AT_EDGE: usize = 8;
 
+/// The squares that inked areas consist of reach over their outline by less than this, mm.
+const OVERHANG: f64 = 0.5;
+
+/// So many nodes beyond an edge continue a face at most.
+const MOST_LAYERS: f64 = 8.0;
+
 /// The control points that are determined again start on a plane. Smoothness applies to the way from there, which would pull
 /// them towards it; from where that way ends it no longer does.
-const PASSES: usize = 3;
+const PASSES: usize = 5;
 
 /// What is between the surface and the places that it is without.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,6 +98,13 @@ impl FittedSurface {
             (*node, field.faces()[*kept], nurbs.height(at))
         });
         let continued: Vec<_> = continued.collect();
+        if !self.alone.is_empty() && !beyond.is_empty() {
+            let is_near = grown(left_out, columns, FACE_REACH);
+            uncertainties.resize(left_out.len(), Uncertainty::NONE);
+            for (node, alone) in self.alone.iter().filter(|(node, _)| is_near[*node]) {
+                uncertainties[*node] = *alone;
+            }
+        }
         for (node, kept) in beyond {
             if !doubts.is_empty() {
                 doubts[node] = doubts[kept];
@@ -182,8 +195,8 @@ impl HeightField {
         marked.contains(&true).then_some((field, marked))
     }
 
-    /// The nodes among those left out that are just beyond an edge, in ascending order, each with a node of the face on this side:
-    /// they are round one cell.
+    /// The nodes among those left out that are just beyond an edge, in ascending order, each with a node of the face on this side: those
+    /// round one cell, and as far as inked squares may reach over the edge.
     fn beyond_edges(&self, left_out: &[bool]) -> BTreeMap<usize, usize> {
         let mut beyond = BTreeMap::new();
         if self.faces().is_empty() {
@@ -202,6 +215,24 @@ impl HeightField {
                     }
                 }
             }
+        }
+        let layers = (OVERHANG / self.step()).ceil().min(MOST_LAYERS) as usize;
+        for _ in 1..layers {
+            let mut next = BTreeMap::new();
+            for (&node, &kept) in &beyond {
+                let (column, row) = (node % columns, node / columns);
+                let beside = [
+                    (column > 0).then(|| node - 1),
+                    (column + 1 < columns).then_some(node + 1),
+                    (row > 0).then(|| node - columns),
+                    (row + 1 < rows).then_some(node + columns),
+                ];
+                let is_free = |node: &usize| left_out[*node] && !beyond.contains_key(node);
+                for other in beside.into_iter().flatten().filter(is_free) {
+                    next.entry(other).or_insert(kept);
+                }
+            }
+            beyond.append(&mut next);
         }
         beyond
     }

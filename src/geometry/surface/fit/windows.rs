@@ -433,7 +433,7 @@ impl FittedSurface {
                 return surface;
             }
             let field = surface.field.with_faces(faces);
-            Self { field, ..surface }.with_swings()
+            Self { field, ..surface }
         };
         let windows = std::mem::take(&mut self.windows);
         let whole = joined(self);
@@ -568,7 +568,7 @@ impl FittedSurface {
     /// The nodes at which the surface misses the part where it may be marked; and those of sides that are so narrow that most of
     /// their nodes are beside edges. The tolerance is in mm.
     fn missed_by(&self, times: f64, samples: &PartSamples, fork: &dyn Fork, tolerance: f64) -> Vec<bool> {
-        let turns = self.turns_between_samples(&samples.slopes, self.field.near_walls(SWING_REACH), fork);
+        let turns = self.turns_between_samples(&samples.slopes, &self.field.near_walls(SWING_REACH), fork);
         let columns = self.field.size().0;
         let near = grown(&samples.is_at_edge, columns, REACH);
         let narrow = match times > 1.0 && self.field.step() < CLOSE {
