@@ -7,6 +7,7 @@ use super::placing::PlacedPattern;
 use super::{LearnedPart, Pipeline};
 use crate::config::{Align, JobSettings, Tiles};
 use crate::cores::Cores;
+use crate::geometry::height_field::HeightField;
 use crate::geometry::ink::stations;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::quality::PIECE;
@@ -24,6 +25,9 @@ const STEPS_NEAR: f64 = 2.0;
 
 /// An edge within so many of the largest steps of the height field changes the surface on both sides of it.
 const STEPS_BESIDE_EDGE: f64 = 5.0;
+
+/// The map may have the whole drawing on one face if more than this share of what is not on edges is there as drawn.
+const MOSTLY: f64 = 0.8;
 
 /// Round the drawing, the surface determines the radius of a cylinder as far as this share of the drawing's longer side.
 const SHARE_BESIDE: f64 = 0.6;
@@ -136,6 +140,9 @@ impl LearnedPart {
             Some(self.with_surface(near.unwrap_or(seen)))
         };
         let face = face_under(drawing, &|at| at.coords().into());
+        if there.len() < 2 && face.is_none() && !drawing.is_mostly_on_one_face(settings, &surface.field) {
+            return None;
+        }
         let part = only(&first, face);
         if settings.rotary.tiles != Tiles::Off {
             return part;
@@ -173,6 +180,17 @@ impl LearnedPart {
 }
 
 impl PlacedPattern {
+    /// Whether most points of the drawing as it is are on one face or on its edges, so that its map may have all there.
+    fn is_mostly_on_one_face(&self, settings: &JobSettings, field: &HeightField) -> bool {
+        let (mut points, mut known): (BTreeMap<u32, usize>, usize) = (BTreeMap::new(), 0);
+        let faces = self.inked_points(settings).flatten().map(|point| field.face_at(point.coords().into()));
+        for face in faces.flatten() {
+            *points.entry(face).or_default() += 1;
+            known += 1;
+        }
+        points.into_values().any(|count| count as f64 > MOSTLY * known as f64)
+    }
+
     /// The points along each path that is marked.
     fn inked_points(&self, settings: &JobSettings) -> impl Iterator<Item = Vec<FlatPoint>> {
         let placed = &self.placed;
