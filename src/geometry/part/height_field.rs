@@ -255,6 +255,18 @@ impl Grid {
         [lower, lower + 1, lower + self.columns, lower + self.columns + 1]
     }
 
+    /// The nodes beside a node along x and y.
+    pub(crate) fn beside(&self, node: usize) -> impl Iterator<Item = usize> + use<> {
+        let (column, row) = (node % self.columns, node / self.columns);
+        let beside = [
+            (column > 0).then(|| node - 1),
+            (column + 1 < self.columns).then_some(node + 1),
+            (row > 0).then(|| node - self.columns),
+            (row + 1 < self.rows).then_some(node + self.columns),
+        ];
+        beside.into_iter().flatten()
+    }
+
     /// The nodes from `low` to `high` along a side of `count` nodes that starts at `start`.
     fn range(&self, low: f64, high: f64, start: f64, count: usize) -> std::ops::Range<usize> {
         let [low, high] = [low, high].map(|at| (at - start) / self.step);

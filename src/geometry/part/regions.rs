@@ -17,7 +17,6 @@ pub struct Regions<'a> {
 impl<'a> Regions<'a> {
     /// The regions of a field, numbered in the order of their first nodes.
     pub fn of(field: &'a HeightField) -> Self {
-        let (columns, rows) = field.size();
         let is_surface = |node: usize| matches!(field.nodes()[node], Node::Surface(_));
         let mut of_nodes: Vec<Option<u32>> = vec![None; field.nodes().len()];
         let (mut found, mut open) = (0, Vec::new());
@@ -28,14 +27,7 @@ impl<'a> Regions<'a> {
             of_nodes[first] = Some(found);
             open.push(first);
             while let Some(node) = open.pop() {
-                let (column, row) = (node % columns, node / columns);
-                let beside = [
-                    (column > 0).then(|| node - 1),
-                    (column + 1 < columns).then_some(node + 1),
-                    (row > 0).then(|| node - columns),
-                    (row + 1 < rows).then_some(node + columns),
-                ];
-                for next in beside.into_iter().flatten() {
+                for next in field.grid().beside(node) {
                     if of_nodes[next].is_none() && is_surface(next) {
                         of_nodes[next] = Some(found);
                         open.push(next);

@@ -220,15 +220,8 @@ impl HeightField {
         for _ in 1..layers {
             let mut next = BTreeMap::new();
             for (&node, &kept) in &beyond {
-                let (column, row) = (node % columns, node / columns);
-                let beside = [
-                    (column > 0).then(|| node - 1),
-                    (column + 1 < columns).then_some(node + 1),
-                    (row > 0).then(|| node - columns),
-                    (row + 1 < rows).then_some(node + columns),
-                ];
                 let is_free = |node: &usize| left_out[*node] && !beyond.contains_key(node);
-                for other in beside.into_iter().flatten().filter(is_free) {
+                for other in self.grid().beside(node).filter(is_free) {
                     next.entry(other).or_insert(kept);
                 }
             }
