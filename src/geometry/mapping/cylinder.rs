@@ -210,6 +210,8 @@ impl CylinderMap {
 mod tests {
     use super::*;
     use crate::geometry::height_field::FacingPart;
+    use crate::geometry::mapping::{LengthTrueMap, Method};
+    use crate::geometry::mesh::TriMesh;
     use crate::geometry::shapes;
     use crate::geometry::space::{Extents, Facing, View};
     use crate::geometry::surface::fit::{FitOptions, FittedSurface};
@@ -272,14 +274,17 @@ mod tests {
     }
 
     /// The map found for a rectangle of ink 24 mm long and 8 mm wide on a strip along x with this section.
-    fn found(height: impl Fn(f64) -> f64) -> crate::geometry::mapping::LengthTrueMap {
+    fn found(height: impl Fn(f64) -> f64) -> LengthTrueMap {
+        found_on(&shapes::graph(20.0, 0.5, |_, y| height(y)), [12.0, 4.0])
+    }
+
+    /// The map found for a rectangle of ink with these half sides, mm, about the origin.
+    fn found_on(mesh: &TriMesh, [half_x, half_y]: [f64; 2]) -> LengthTrueMap {
         use crate::geometry::mapping::isometric::IsometricOptions;
-        use crate::geometry::mapping::{LengthTrueMap, Method};
         use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};
-        let mesh = shapes::graph(20.0, 0.5, |_, y| height(y));
-        let part = FacingPart::new(&mesh, &View::top());
+        let part = FacingPart::new(mesh, &View::top());
         let surface = FittedSurface::of_part(&part, &FitOptions::default()).unwrap();
-        let corners = [(-12.0, -4.0), (12.0, -4.0), (12.0, 4.0), (-12.0, 4.0)];
+        let corners = [(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)];
         let sides = [0, 1, 2, 3].map(|side: usize| {
             let [from, to] = [corners[side], corners[(side + 1) % 4]].map(|(x, y)| FlatPoint::new(x, y));
             Segment::Line { from, to }
@@ -309,6 +314,17 @@ mod tests {
             assert!(map.fit_residual().is_some_and(|residual| residual < 5e-3), "{map:?}");
             assert!(!map.is_determined(), "{map:?}");
         }
+    }
+
+    /// Each is within 0.005 mm of a cylinder under ink of 2 mm.
+    #[test]
+    fn small_ink_on_a_cone_or_a_dome_is_not_on_a_cylinder() {
+        let cone = |x: f64, y: f64| -0.8 * ((x + 6.0).hypot(y) - 6.0);
+        let map = found_on(&shapes::graph(3.0, 0.1, cone), [1.0, 1.0]);
+        assert!(matches!(map, LengthTrueMap::Cone(_, fit) if fit.residual < 2e-4), "{map:?}");
+        let dome = |x: f64, y: f64| -0.8 * x - 0.06 * x * x - 0.008 * y * y;
+        let map = found_on(&shapes::graph(3.0, 0.1, dome), [1.0, 1.0]);
+        assert!(matches!(map, LengthTrueMap::Isometric(_)), "{map:?}");
     }
 
     #[test]
