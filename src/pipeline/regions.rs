@@ -7,7 +7,6 @@ use super::placing::PlacedPattern;
 use super::{LearnedPart, Pipeline};
 use crate::config::{Align, JobSettings, Tiles};
 use crate::cores::Cores;
-use crate::geometry::height_field::HeightField;
 use crate::geometry::ink::stations;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::quality::PIECE;
@@ -26,8 +25,11 @@ const STEPS_NEAR: f64 = 2.0;
 /// An edge within so many of the largest steps of the height field changes the surface on both sides of it.
 const STEPS_BESIDE_EDGE: f64 = 5.0;
 
-/// The map may have the whole drawing on one face if more than this share of what is not on edges is there as drawn.
-const MOSTLY: f64 = 0.8;
+/// The map may have the whole drawing on one face if more than this share of what is not on edges is there as drawn …
+const MOST_AS_DRAWN: f64 = 0.5;
+
+/// … and, as the map that follows the part over its edges has it, more than this.
+const MOST_AS_MAPPED: f64 = 0.9;
 
 /// Round the drawing, the surface determines the radius of a cylinder as far as this share of the drawing's longer side.
 const SHARE_BESIDE: f64 = 0.6;
@@ -82,6 +84,39 @@ impl Visited {
     }
 }
 
+/// The points of a drawing on each face of the part.
+struct Faces {
+    known: BTreeMap<u32, usize>,
+    /// Those on edges.
+    unknown: usize,
+}
+
+impl Faces {
+    fn under(points: impl Iterator<Item = FlatPoint>, face_at: impl Fn(FlatPoint) -> Option<u32>) -> Self {
+        let mut faces = Self { known: BTreeMap::new(), unknown: 0 };
+        for point in points {
+            match face_at(point) {
+                Some(face) => *faces.known.entry(face).or_default() += 1,
+                None => faces.unknown += 1,
+            }
+        }
+        faces
+    }
+
+    /// The face that all points are on.
+    fn all(&self) -> Option<u32> {
+        let only = self.known.first_key_value().filter(|_| self.known.len() == 1 && self.unknown == 0);
+        only.map(|(face, _)| *face)
+    }
+
+    /// The face that more than a share of the points is on, of those that are not on edges.
+    fn most(&self, share: f64) -> Option<u32> {
+        let known: usize = self.known.values().sum();
+        let is_most = |(_, count): &(&u32, &usize)| **count as f64 > share * known as f64;
+        self.known.iter().find(is_most).map(|(face, _)| *face)
+    }
+}
+
 impl LearnedPart {
     /// The part with only those regions round a placed drawing on which the drawing is marked, and only the face if all of the
     /// drawing is on one; `None` if it is marked on all, or there are only one or very many. `whole` is the whole part.
@@ -112,12 +147,13 @@ impl LearnedPart {
         let first = if is_turned { main.clone() } else { as_drawn.marked()? };
         let beside = beside.max(SHARE_BESIDE * extents.size().max());
         let within = extents.grown(beside);
-        let within_face = beside_edge.grown(STEPS_BESIDE * whole.kept.surface.field.step());
-        let face_under = |drawing: &PlacedPattern, place: &dyn Fn(FlatPoint) -> ViewPoint| {
-            let mut points =
-                drawing.inked_points(settings).flatten().map(|point| surface.field.face_at(place(point)));
-            let first = points.next().flatten().filter(|_| has_edge && !is_turned)?;
-            points.all(|face| face == Some(first)).then_some(first)
+        let refitted =
+            extents.grown(beside.max((STEPS_BESIDE + STEPS_BESIDE_EDGE) * whole.kept.surface.field.step()));
+        let faces_under = |drawing: &PlacedPattern, place: &dyn Fn(FlatPoint) -> ViewPoint| {
+            let is_divided = has_edge && !is_turned;
+            Faces::under(drawing.inked_points(settings).flatten().filter(|_| is_divided), |point| {
+                surface.field.face_at(place(point))
+            })
         };
         let is_on_other_face = |at: ViewPoint, face: u32| {
             let fields = [&surface.field, &whole.kept.surface.field];
@@ -132,15 +168,15 @@ impl LearnedPart {
             let is_left_out = |at: ViewPoint| {
                 let region = regions.nearest(at).filter(|_| within.contains(at.coords()));
                 region.is_some_and(|region| region.is_none_or(|region| !kept.contains(&region)))
-                    || face
-                        .is_some_and(|face| within_face.contains(at.coords()) && is_on_other_face(at, face))
+                    || face.is_some_and(|face| is_on_other_face(at, face))
             };
-            let seen = whole.kept.surface.without(is_left_out, beyond, &Cores).ok()?;
+            let seen = whole.kept.surface.without(is_left_out, &refitted, beyond, &Cores).ok()?;
             let near = if settings.rotary.tiles == Tiles::Off { seen.round(&extents) } else { None };
             Some(self.with_surface(near.unwrap_or(seen)))
         };
-        let face = face_under(drawing, &|at| at.coords().into());
-        if there.len() < 2 && face.is_none() && !drawing.is_mostly_on_one_face(settings, &surface.field) {
+        let faces = faces_under(drawing, &|at| at.coords().into());
+        let face = faces.all();
+        if there.len() < 2 && face.is_none() && faces.most(MOST_AS_DRAWN).is_none() {
             return None;
         }
         let part = only(&first, face);
@@ -148,29 +184,37 @@ impl LearnedPart {
             return part;
         }
         let mapped = |part: &Self| Pipeline::mapped(drawing.clone(), part, whole, settings, "").ok();
+        // The nodes of a narrow groove or rib may leave no surface under ink that is close to it.
+        let is_whole = |part: &Self, drawing: &PlacedPattern, map: &LengthTrueMap| {
+            let field = &part.kept.surface.field;
+            drawing.inked_points(settings).flatten().all(|point| field.is_surface(map.point(point)))
+        };
+        let confirmed_on = |kept: &BTreeSet<u32>, face: u32| {
+            let part = only(kept, Some(face))?;
+            let (turned, map) = mapped(&part)?;
+            let is_there = faces_under(&turned, &|at| map.point(at)).all() == Some(face);
+            (is_there && is_whole(&part, &turned, &map)).then_some(part)
+        };
         match mapped(part.as_ref().unwrap_or(self)) {
             Some((turned, map)) => {
                 let confirmed = Visited::by(&turned, settings, &regions, |at| map.point(at)).marked();
                 let kept = confirmed.unwrap_or_else(|| first.clone());
-                let on_face = face_under(&turned, &|at| map.point(at));
-                // The nodes of a narrow groove or rib may leave no surface under ink that is close to it.
-                let is_whole = |part: &Self, drawing: &PlacedPattern, map: &LengthTrueMap| {
-                    let field = &part.kept.surface.field;
-                    drawing.inked_points(settings).flatten().all(|point| field.is_surface(map.point(point)))
-                };
+                let faces = faces_under(&turned, &|at| map.point(at));
+                let on_face = faces.all();
                 let is_same = kept == first && on_face == face;
-                if is_same && part.as_ref().is_none_or(|part| face.is_none() || is_whole(part, &turned, &map))
-                {
+                let fits =
+                    || part.as_ref().is_none_or(|part| face.is_none() || is_whole(part, &turned, &map));
+                if is_same && face.is_some() && fits() {
                     return part;
                 }
                 // The map on both sides of an edge shows where the drawing is only about.
-                let confirms = |part: &Self| {
-                    mapped(part).is_some_and(|(turned, map)| {
-                        face_under(&turned, &|at| map.point(at)) == on_face && is_whole(part, &turned, &map)
-                    })
-                };
-                let found = on_face.filter(|_| !is_same).and_then(|_| only(&kept, on_face));
-                found.filter(confirms).or_else(|| only(&kept, None))
+                let likely = on_face.or_else(|| faces.most(MOST_AS_MAPPED));
+                let other = likely.filter(|likely| kept != first || face != Some(*likely));
+                match other.and_then(|other| confirmed_on(&kept, other)) {
+                    None if is_same && face.is_none() => part,
+                    None => only(&kept, None),
+                    found => found,
+                }
             }
             None if main != first => only(&main, face).filter(|part| mapped(part).is_some()).or(part),
             // A map that is only found on the whole part is one.
@@ -180,17 +224,6 @@ impl LearnedPart {
 }
 
 impl PlacedPattern {
-    /// Whether most points of the drawing as it is are on one face or on its edges, so that its map may have all there.
-    fn is_mostly_on_one_face(&self, settings: &JobSettings, field: &HeightField) -> bool {
-        let (mut points, mut known): (BTreeMap<u32, usize>, usize) = (BTreeMap::new(), 0);
-        let faces = self.inked_points(settings).flatten().map(|point| field.face_at(point.coords().into()));
-        for face in faces.flatten() {
-            *points.entry(face).or_default() += 1;
-            known += 1;
-        }
-        points.into_values().any(|count| count as f64 > MOSTLY * known as f64)
-    }
-
     /// The points along each path that is marked.
     fn inked_points(&self, settings: &JobSettings) -> impl Iterator<Item = Vec<FlatPoint>> {
         let placed = &self.placed;

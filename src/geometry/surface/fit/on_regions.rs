@@ -12,7 +12,7 @@ use super::windows::covering;
 use super::{Data, FACE_REACH, FitError, FitOptions, FittedSurface, Window};
 use crate::geometry::fork::Fork;
 use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty, grown};
-use crate::geometry::space::ViewPoint;
+use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::knots::DEGREE;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
@@ -43,19 +43,20 @@ pub enum Beyond {
 }
 
 impl FittedSurface {
-    /// The surface of a whole part without the places of its smooth surface for which `is_left_out`: nodes there are walls. It
-    /// continues the others smoothly, and is the same surface far from them.
+    /// The surface of a whole part without the places of its smooth surface for which `is_left_out`: nodes there are walls. In a
+    /// rectangle, mm, it continues the others smoothly, and it is the same surface far from there.
     ///
     /// # Errors
     /// When the equations cannot be solved.
     pub fn without(
         &self,
         is_left_out: impl Fn(ViewPoint) -> bool,
+        within: &Extents,
         beyond: Beyond,
         fork: &dyn Fork,
     ) -> Result<Self, FitError> {
         let Some((field, left_out)) = self.field.with_walls(&is_left_out) else { return Ok(self.clone()) };
-        let is_free = self.control_points_near(&left_out, beyond);
+        let is_free = self.control_points_near(&left_out, within, beyond);
         let data = Data::of_all(&field, fork);
         let start = self.levelled(&data, &is_free).unwrap_or_else(|| self.nurbs.clone());
         let nurbs = data.move_towards(start, |point| is_free[point], PASSES)?;
@@ -118,14 +119,17 @@ impl FittedSurface {
             .with_known(self.known.clone())
     }
 
-    /// Whether each control point is near one of the marked nodes.
-    fn control_points_near(&self, marked: &[bool], beyond: Beyond) -> Vec<bool> {
+    /// Whether each control point is near one of the marked nodes in a rectangle, mm.
+    fn control_points_near(&self, marked: &[bool], within: &Extents, beyond: Beyond) -> Vec<bool> {
         let (knots_x, knots_y) = self.nurbs.knots();
         let (columns, rows) = (knots_x.control_points(), knots_y.control_points());
         let mut near = vec![false; columns * rows];
         let nodes = self.field.size().0;
         for node in (0..marked.len()).filter(|node| marked[*node]) {
             let at = self.field.position(node % nodes, node / nodes);
+            if !within.contains(at.coords()) {
+                continue;
+            }
             let (first_x, first_y) = (knots_x.span(at.x), knots_y.span(at.y));
             for row in first_y..=first_y + DEGREE {
                 near[row * columns + first_x..=row * columns + first_x + DEGREE].fill(true);
@@ -269,10 +273,11 @@ mod tests {
 
     #[test]
     fn without_the_floor_of_a_hole_the_surface_is_that_of_the_part_without_the_hole() {
+        let everywhere = Extents { min: Vector2::repeat(-20.0), max: Vector2::repeat(20.0) };
         for floor in [0.0, 24.0, 40.0] {
             let surface = drilled(floor);
             let is_in_hole = |at: ViewPoint| at.coords().norm() < 4.0;
-            let round = surface.without(is_in_hole, Beyond::Steps, &InTurn).unwrap();
+            let round = surface.without(is_in_hole, &everywhere, Beyond::Steps, &InTurn).unwrap();
             assert!(!round.field.is_surface(ViewPoint::new(0.1, 0.1)));
             for step in 0..400 {
                 let (angle, radius) = (f64::from(step) * 2.4, 12.0 * f64::from(step) / 400.0);
@@ -281,7 +286,7 @@ mod tests {
                 let limit = if radius > 4.5 { 2e-5 } else { 5e-3 };
                 assert!(off.abs() < limit, "{off} mm at {at:?}, floor at {floor}");
             }
-            let flat = surface.without(|at| !is_in_hole(at), Beyond::Steps, &InTurn).unwrap();
+            let flat = surface.without(|at| !is_in_hole(at), &everywhere, Beyond::Steps, &InTurn).unwrap();
             let off = flat.nurbs.height(ViewPoint::new(2.0, 1.0)) - floor;
             assert!(off.abs() < 1e-6, "{off} mm");
         }
