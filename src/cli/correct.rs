@@ -6,7 +6,9 @@ use clap::Args;
 
 use super::job::{Job, JobArguments};
 use super::list;
-use super::named_files::{apart, beside, file_trouble, name_of, tell_of_others, write_file, write_file_if};
+use super::named_files::{
+    apart, beside, file_trouble, is_device, name_of, tell_of_others, write_file, write_file_if,
+};
 use super::outcome::{Failure, Outcome, print_json, tell};
 use super::rotary::{RotaryArguments, write_tiles};
 use super::set::{add_options, useless_to_a_job};
@@ -147,6 +149,9 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
     let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;
 
+    let steps = arguments.steps(out, &corrected);
+    let named_steps = steps.iter().map(|(file, _)| ("--step-files", file.as_path()));
+    apart(&arguments.job.files(), &written.iter().copied().chain(named_steps).collect::<Vec<_>>())?;
     let dxf = std::mem::take(&mut corrected.dxf);
     let is_read_back = corrected.is_to_be_read_back(*verify);
     if write_tiles(out, &mut corrected, &arguments.job.files(), is_read_back)? {
@@ -156,7 +161,12 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     } else {
         write_file(out, &dxf)?;
     }
-    arguments.write_steps(out, &corrected)?;
+    for (file, dxf) in &steps {
+        write_file(file, dxf)?;
+    }
+    if arguments.step_files {
+        tell_of_others(out, 'z', &steps.into_iter().map(|(file, _)| file).collect::<Vec<_>>());
+    }
     if let (Some(path), Some(drawing)) = (&arguments.xyz, pipeline.in_space(learned, &corrected, settings)) {
         let bytes = if has_ending(path, "csv") { write_points(&drawing) } else { write_space(&drawing) };
         write_file(path, &bytes)?;
@@ -202,8 +212,11 @@ pub(super) fn has_ending(file: &Path, ending: &str) -> bool {
 }
 
 /// The drawing that the corrected one replaces, if any. Refuses to replace a file that is not a drawing; an empty file
-/// loses nothing.
+/// loses nothing, nor does a device.
 fn replaced(out: &Path) -> Result<Option<Vec<u8>>, Failure> {
+    if is_device(out) {
+        return Ok(None);
+    }
     let previous = read_if_there(out).map_err(|error| file_trouble("write", out, &error))?;
     if previous.as_ref().is_some_and(|bytes| !bytes.is_empty() && !is_dxf(bytes)) {
         return Err(Failure::usage(
@@ -259,22 +272,13 @@ impl CorrectArguments {
                 "Give `--tiles-as layers`, or correct the drawings one by one.",
             ));
         }
-        list::run(&job, list, &folder, self.json)
+        list::run(&job, list, &self.job.files(), &folder, self.json)
     }
 
-    /// Writes each step of focus into a file of its own, if that is asked for, and warns of those of earlier runs.
-    fn write_steps(&self, out: &Path, corrected: &Corrected) -> Outcome {
-        if !self.step_files {
-            return Ok(());
-        }
-        let mut files = Vec::new();
-        for (height, dxf) in corrected.step_files() {
-            let file = beside(out, &format!("{height}.dxf"));
-            write_file(&file, &dxf)?;
-            files.push(file);
-        }
-        tell_of_others(out, 'z', &files);
-        Ok(())
+    /// The files of the steps of focus, if they are asked for.
+    fn steps(&self, out: &Path, corrected: &Corrected) -> Vec<(PathBuf, Vec<u8>)> {
+        let file = |(height, dxf)| (beside(out, &format!("{height}.dxf")), dxf);
+        if self.step_files { corrected.step_files().map(file).collect() } else { Vec::new() }
     }
 
     /// The settings of options that only this command has.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::job::Job;
-use super::named_files::{file_trouble, name_of, read_file, tell_of_stale, write_file, write_file_if};
+use super::named_files::{apart, file_trouble, name_of, read_file, tell_of_stale, write_file, write_file_if};
 use super::outcome::{Failure, Outcome, print_json, tell};
 use crate::config::BadRows;
 use crate::formats::list::{LeftOut, List, Product, Row};
@@ -17,8 +17,8 @@ const MOST_WARNINGS: usize = 50;
 /// Least digits of the number in the names of the drawings.
 const DIGITS: usize = 4;
 
-/// Writes the drawing of every row into `folder`, as `<list>-0001.dxf` and so on.
-pub(super) fn run(job: &Job, list: &Path, folder: &Path, is_json: bool) -> Outcome {
+/// Writes the drawing of every row into `folder`, as `<list>-0001.dxf` and so on; `read` are the files that the job is from.
+pub(super) fn run(job: &Job, list: &Path, read: &[&Path], folder: &Path, is_json: bool) -> Outcome {
     let bytes = read_file(list)?;
     let (file, stem) = (name_of(list)?, list.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     fs_err::create_dir_all(folder).map_err(|error| file_trouble("create", folder, &error))?;
@@ -42,9 +42,16 @@ pub(super) fn run(job: &Job, list: &Path, folder: &Path, is_json: bool) -> Outco
         return Err(Failure::rejected(listed.list.empty()));
     }
     let digits = DIGITS.max(rows.ilog10() as usize + 1);
+    let out = |number: u64| folder.join(format!("{stem}-{number:0digits$}.dxf"));
+    for (row, index) in rows_of(&listed.list)?.zip(0..) {
+        let file = row.ok().filter(|_| !left_out.contains(&index)).map(|row| out(row.number));
+        if let Some(file) = file.filter(|file| file.exists()) {
+            apart(read, &[("--out-dir", &file)])?;
+        }
+    }
     for (row, index) in rows_of(&listed.list)?.zip(0..) {
         let Some(row) = row.ok().filter(|_| !left_out.contains(&index)) else { continue };
-        let out = folder.join(format!("{stem}-{:0digits$}.dxf", row.number));
+        let out = out(row.number);
         match listed.write(&out, &row) {
             Ok(()) => listed.note(row, &out)?,
             Err(WriteError::Failed(failure)) => return Err(failure),

@@ -1,6 +1,6 @@
 //! The files and folders that the command line names.
 
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use super::outcome::{Exit, Failure, Outcome, tell};
@@ -15,9 +15,12 @@ pub(super) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     std::fs::read(path).map_err(|error| file_trouble("read", path, &error))
 }
 
-/// Writes a file that the user named, completely or not at all.
+/// Writes a file that the user named, completely or not at all; into a device or pipe of that name.
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Outcome {
-    write_with(path, |folder, name| crate::files::write_whole(folder, name, bytes))
+    write_with(path, |folder, name| match is_device(path) {
+        true => write_into(path, bytes),
+        false => crate::files::write_whole(folder, name, bytes),
+    })
 }
 
 /// The same, if `check` accepts the flushed file, read again before it gets its name.
@@ -28,10 +31,24 @@ pub(super) fn write_file_if(
 ) -> Outcome {
     let mut checked = Ok(());
     write_with(path, |folder, name| {
+        if is_device(path) {
+            // What a device was given cannot be read again.
+            checked = check(bytes);
+            return if checked.is_ok() { write_into(path, bytes) } else { Ok(()) };
+        }
         checked = crate::files::write_whole_if(folder, name, bytes, check)?;
         Ok(())
     })?;
     checked.map_err(|reason| Failure::rejected(reason.in_file(path.display().to_string())))
+}
+
+/// Whether there is a device, a pipe or a socket at a path, such as `/dev/null`: a file with its name would replace it.
+pub(super) fn is_device(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+fn write_into(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    std::fs::OpenOptions::new().write(true).open(path)?.write_all(bytes)
 }
 
 fn write_with(path: &Path, write: impl FnOnce(&Path, &str) -> std::io::Result<()>) -> Outcome {

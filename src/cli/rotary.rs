@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::named_files::{
-    apart, beside, file_trouble, name_of, tell_of_others, tell_of_stale, write_file, write_file_if,
+    apart, beside, file_trouble, is_device, name_of, tell_of_others, tell_of_stale, write_file, write_file_if,
 };
 use super::outcome::{Failure, Outcome};
 use super::set::{add_options, add_switch};
@@ -109,6 +109,9 @@ fn write_table(mark: &RotaryReport, sku: &str, pattern: &str, [csv, json]: [&Pat
 
 /// Refuses to replace a file that is not a drawing.
 fn refuse_to_lose(file: &Path) -> Outcome {
+    if is_device(file) {
+        return Ok(());
+    }
     let previous = crate::files::read_if_there(file).map_err(|error| file_trouble("write", file, &error))?;
     match previous.filter(|bytes| !bytes.is_empty() && !is_dxf(bytes)) {
         None => Ok(()),

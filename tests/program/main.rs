@@ -46,6 +46,7 @@ mod sides;
 mod losses;
 mod misplacement;
 mod names;
+mod outputs;
 mod fill;
 mod rotary;
 mod plan;

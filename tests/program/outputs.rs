@@ -1,0 +1,58 @@
+//! Files that a command writes take the place of no file that it reads, and of no device.
+
+use crate::desk::{Desk, drawing};
+
+const CAN: &[&str] = &["correct", "--cylinder", "100,120", "--place", "0,0"];
+
+/// A desk with a drawing of this name, and its bytes.
+fn desk(name: &str) -> (Desk, Vec<u8>) {
+    let desk = Desk::new();
+    let bytes = std::fs::read(drawing("square")).unwrap();
+    desk.write(name, &bytes);
+    (desk, bytes)
+}
+
+#[test]
+fn a_list_does_not_overwrite_its_drawing() {
+    let (desk, before) = desk("out/order-0002.dxf");
+    desk.write("order.csv", "LOT\nA\nB\n");
+    let of_list = ["out/order-0002.dxf", "--list", "order.csv", "--out-dir", "out"];
+    desk.isomark(&[CAN, &of_list].concat()).refused(2, &["order-0002.dxf, which is also read"]);
+    assert_eq!(desk.read("out/order-0002.dxf"), before);
+    assert!(!desk.path("out/order-0001.dxf").exists());
+    let elsewhere = ["out/order-0002.dxf", "--list", "order.csv", "--out-dir", "elsewhere"];
+    let output = desk.isomark(&[CAN, &elsewhere].concat());
+    assert_eq!(output.code, 0, "{output:?}");
+    assert_ne!(desk.read("elsewhere/order-0002.dxf"), before);
+}
+
+#[test]
+fn a_step_of_focus_does_not_overwrite_the_drawing() {
+    let (desk, before) = desk("plain.dxf");
+    let steps =
+        ["--set", "focus.steps=layers", "--set", "focus.step_mm=1", "--step-files", "--out", "logo.dxf"];
+    assert_eq!(desk.isomark(&[CAN, &["plain.dxf"], &steps].concat()).code, 0);
+    let entries = std::fs::read_dir(desk.root()).unwrap().map(|entry| entry.unwrap().file_name());
+    let names = entries.map(|name| name.into_string().unwrap());
+    let step = names.into_iter().find(|name| name.starts_with("logo.z")).unwrap();
+    desk.write(&step, &before);
+    std::fs::remove_file(desk.path("logo.dxf")).unwrap();
+    desk.isomark(&[CAN, &[&step], &steps].concat()).refused(2, &["which is also read"]);
+    assert_eq!(desk.read(&step), before);
+    assert!(!desk.path("logo.dxf").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_is_written_into_and_stays_one() {
+    use std::os::unix::fs::symlink;
+
+    let (desk, _) = desk("square.dxf");
+    // A link: a program that replaces what is at the path would only replace the link.
+    symlink("/dev/null", desk.path("nothing")).unwrap();
+    for outputs in [&["--out", "nothing"][..], &["--out", "out.dxf", "--report", "nothing"]] {
+        let output = desk.isomark(&[CAN, &["square.dxf"], outputs].concat());
+        assert_eq!(output.code, 0, "{output:?}");
+        assert!(desk.path("nothing").symlink_metadata().unwrap().is_symlink(), "{outputs:?}");
+    }
+}
