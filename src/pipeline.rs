@@ -305,7 +305,9 @@ impl Pipeline {
         // The ink of tiles is on several sides of the part.
         let lines = tiles
             .is_none()
-            .then(|| mapped.without_open_areas(surface, settings, || fill::marked_ink(&placed, settings)))
+            .then(|| {
+                mapped.without_open_areas(surface, settings, |ink| fill::marked_ink(&placed, ink, settings))
+            })
             .flatten();
         if let Some((lines, open)) = lines {
             let lines = learned.recent.mapped(lines, mapped.map.clone(), settings);

@@ -256,7 +256,8 @@ fn row(
         let projection =
             Projection { map: &map, surface, fixture: settings.fixture, head: settings.scan_head() };
         let measure = |ink: &Ink| measured(ink, &map, &|at| map.point(at), surface);
-        let lines = || without_open_areas(ink, &fill::marked_ink(pattern, settings), &projection, settings);
+        let lines =
+            || without_open_areas(ink, &fill::marked_ink(pattern, ink, settings), &projection, settings);
         let mut distortion = measure(ink)
             .or_else(|at| lines().map_or(Err(at), |(lines, _)| measure(&lines)))
             .map_err(|at| checks::off_surface(at, whole, &ink.extents))?;

@@ -71,10 +71,10 @@ pub(super) fn as_marked<'a>(placed: &'a Pattern, settings: &JobSettings) -> Cow<
     Cow::Owned(marked)
 }
 
-/// The ink of a placed drawing without the areas inside outlines that nothing fills.
-pub(super) fn marked_ink(placed: &Pattern, settings: &JobSettings) -> Ink {
+/// The ink of a placed drawing, `ink`, without the areas inside outlines that nothing fills.
+pub(super) fn marked_ink(placed: &Pattern, ink: &Ink, settings: &JobSettings) -> Ink {
     let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    quality::sample_as_marked(&as_marked(placed, settings), is_ink)
+    quality::sample_as_marked(&as_marked(placed, settings), is_ink, ink)
 }
 
 /// Adds the lines of the fill to the corrected drawing, on their own layers after everything else. `turn` is the direction of the

@@ -63,11 +63,11 @@ impl MappedInk {
         &self,
         surface: &FittedSurface,
         settings: &JobSettings,
-        marked: impl FnOnce() -> Ink,
+        marked: impl FnOnce(&Ink) -> Ink,
     ) -> Option<(Ink, Vec<FlatPoint>)> {
         let Exposure { off_surface, steepest, .. } = *self.exposure(surface);
         let is_marked = off_surface == 0 && steepest <= settings.optics.incidence.refuse;
-        let lines = || without_open_areas(&self.ink, &marked(), &self.projection(surface), settings);
+        let lines = || without_open_areas(&self.ink, &marked(&self.ink), &self.projection(surface), settings);
         if is_marked { None } else { lines() }
     }
 

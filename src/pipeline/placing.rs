@@ -198,7 +198,7 @@ impl PlacedPattern {
         part: &CachedSurface,
         settings: &JobSettings,
     ) -> Reason {
-        let marked = fill::marked_ink(&self.placed, settings);
+        let marked = fill::marked_ink(&self.placed, &self.ink, settings);
         let ink = if is_on_part(&marked, &part.surface) { &marked } else { &self.ink };
         checks::map_reason(error, self.placing.place, part, ink)
     }

@@ -316,6 +316,7 @@ impl<'a> Stage<'a> {
             squares: Vec::new(),
             blocks: Vec::new(),
             side: quality::SQUARE,
+            inked_area: 0.0,
             extents,
         }
     }
@@ -538,6 +539,7 @@ fn ink_of(placed: &Pattern, tiles: &[Tile], settings: &JobSettings) -> Ink {
         squares: Vec::new(),
         blocks: Vec::new(),
         side,
+        inked_area: 0.0,
         extents: Extents::EMPTY,
     };
     for ink in each {
@@ -546,6 +548,7 @@ fn ink_of(placed: &Pattern, tiles: &[Tile], settings: &JobSettings) -> Ink {
         }
         all.pieces.extend(ink.pieces);
         all.dots.extend(ink.dots);
+        all.inked_area += ink.inked_area;
         all.squares.extend(ink.squares);
         all.blocks.extend(ink.blocks);
     }

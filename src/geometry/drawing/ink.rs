@@ -1,5 +1,6 @@
 //! Where the drawing puts ink: short pieces along its lines, and small squares over its inked areas.
 
+mod area;
 mod open_areas;
 mod outlines;
 
@@ -22,6 +23,10 @@ const MAX_PIECES: f64 = 2e6;
 
 /// Maximum number of squares in the bounding rectangle; beyond it, squares are made larger.
 const MAX_SQUARES_IN_BOX: f64 = 4e6;
+
+/// Chord tolerance for the inked area, as a share of the size of the smallest contour, and the smallest one, mm.
+const OF_SMALLEST: f64 = 1e-3;
+const FINEST: f64 = 1e-6;
 
 /// A rest of the bounding rectangle that is a smaller share of a square's side is rounding.
 const ROUNDING: f64 = 1e-6;
@@ -46,6 +51,8 @@ pub struct Ink {
     pub blocks: Vec<Block>,
     /// Side of the squares, mm.
     pub side: f64,
+    /// The inked area, mm²: ink that is finer than the squares has the centres of too many or too few of them.
+    pub inked_area: f64,
     /// The bounding rectangle of everything, including dots.
     pub extents: Extents,
 }
@@ -186,14 +193,24 @@ impl Ink {
         }
         let size = extents.size();
         let side = side.max((size.x * size.y / MAX_SQUARES_IN_BOX).max(0.0).sqrt());
-        let (mut squares, mut blocks) = (Vec::new(), Vec::new());
+        let (mut squares, mut blocks, mut inked_area) = (Vec::new(), Vec::new(), 0.0);
         if !contours.is_empty() {
             let groups: Vec<_> = contours.values().map(Vec::as_slice).collect();
+            let smallest =
+                groups.iter().copied().flatten().map(|contour| reach(contour)).filter(|size| *size > 0.0);
+            let fine = OF_SMALLEST * smallest.fold(f64::INFINITY, f64::min);
+            inked_area = if fine < side / 40.0 {
+                let mut finer = self::contours(pattern, is_marked, fine.max(FINEST));
+                finer.retain(|(_, region), _| is_inked(*region));
+                area::inside(&finer.values().map(Vec::as_slice).collect::<Vec<_>>(), &extents, side)
+            } else {
+                area::inside(&groups, &extents, side)
+            };
             let inked = grid_inside(&groups, &extents, side);
             squares = inked.centers();
             blocks = inked.into_blocks();
         }
-        Self { pieces, dots, squares, blocks, side, extents }
+        Self { pieces, dots, squares, blocks, side, inked_area, extents }
     }
 
     /// Examines the inked area block by block. `choose` gets what `examine` returned for all blocks and decides which of
@@ -230,9 +247,15 @@ impl Ink {
         self.pieces.iter().map(Piece::length).sum()
     }
 
-    /// Inked area, mm².
+    /// Inked area, mm²; 0 if no square shows it.
     pub fn area(&self) -> f64 {
-        self.squares.len() as f64 * self.side * self.side
+        if self.squares.is_empty() { 0.0 } else { self.inked_area }
+    }
+
+    /// The inked area as a share of that of the squares; 1 without squares.
+    pub(crate) fn weight(&self) -> f64 {
+        let sampled = self.squares.len() as f64 * self.side * self.side;
+        if sampled > 0.0 { self.inked_area / sampled } else { 1.0 }
     }
 }
 
@@ -333,6 +356,12 @@ fn join_consecutive(pieces: &mut Vec<Piece>, longest: f64) {
         }
         is_joined
     });
+}
+
+/// The longer side of the bounding rectangle of a contour, mm.
+fn reach(contour: &[FlatPoint]) -> f64 {
+    let extents = Extents::of(contour.iter().map(|at| at.coords()));
+    if contour.is_empty() { 0.0 } else { extents.size().max() }
 }
 
 /// The squares of an axis-parallel grid, and those that are inside the contours of any group, by the even-odd rule in each.
@@ -480,7 +509,7 @@ impl Inked {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::pattern::{Color, Layer, Path, Segment, Source};
+    use crate::geometry::pattern::{Affine, Color, Layer, Path, Segment, Source};
 
     fn square(half: f64, region: Option<u32>) -> Path {
         let corners =
@@ -536,6 +565,37 @@ mod tests {
         let frame = ink(vec![square(5.0, None), square(2.0, None)]);
         assert!((frame.length() - 56.0).abs() < 1e-9);
         assert!(frame.pieces.iter().all(|piece| piece.length() <= 0.25 + 1e-12));
+    }
+
+    /// Their centres are as often in a square as beside it, or always, or never.
+    #[test]
+    fn the_area_of_dots_that_are_finer_than_the_squares_is_theirs() {
+        let dot = |index: u32, radius: f64, pitch: f64| {
+            let center = FlatPoint::new(f64::from(index % 20) * pitch, f64::from(index / 20) * pitch);
+            let (u, v) = (Vector2::new(radius, 0.0), Vector2::new(0.0, radius));
+            let circle = Segment::Arc { center, u, v, start: 0.0, sweep: 2.0 * std::f64::consts::PI };
+            Path { shape: Shape::Closed(vec![circle]), ..square(1.0, None) }
+        };
+        for (radius, pitch) in [(0.05, 0.4), (0.05, 0.5), (0.11, 0.5), (0.15, 0.8), (0.3, 1.1)] {
+            let dots = (0..400).map(|index| dot(index, radius, pitch)).collect();
+            let layers = vec![Layer { name: "MARK".into(), color: Color::Aci(7) }];
+            let pattern = Pattern { layers, paths: dots };
+            let exact = 400.0 * std::f64::consts::PI * radius * radius;
+            let found = crate::geometry::mapping::quality::sample(&pattern, |_| true);
+            assert!((found.area() / exact - 1.0).abs() < 0.02, "{radius}: {} of {exact}", found.area());
+            let sampled = found.squares.len() as f64 * found.side.powi(2);
+            assert!((found.weight() * sampled / exact - 1.0).abs() < 0.02, "{radius}: {}", found.weight());
+        }
+        let turned = Pattern::outline(5.0).transformed(&Affine::rigid(
+            FlatPoint::new(0.0, 0.0),
+            0.7,
+            FlatPoint::new(0.0, 0.0),
+        ));
+        let found = Ink::sample(&turned, |_| true, 0.25, 0.2);
+        assert!((found.area() - 100.0).abs() < 0.02, "{}", found.area());
+        // What both of two fills cover counts once.
+        let both = ink(vec![square(5.0, Some(1)), square(3.0, Some(2))]);
+        assert!((both.area() - 100.0).abs() < 1e-6, "{}", both.area());
     }
 
     /// Exporters write tiny closing pieces, and outlines that consist only of rounding errors.

@@ -17,6 +17,11 @@ pub const PIECE: f64 = 0.25;
 /// Side of the squares of the inked area for the quality results, mm; in small drawings it is smaller.
 pub const SQUARE: f64 = 0.2;
 
+/// Ink is sampled with smaller squares, by these factors one after the other, while the area of its squares differs from its own by more
+/// than the share.
+const SMALLER: [f64; 3] = [0.5, 0.25, 0.125];
+const NOT_SHOWN: f64 = 0.25;
+
 /// How many times the mean of a doubt its largest value is.
 const PEAK: f64 = Uncertainty::PEAK;
 /// The same for angles, to which errors of the slope in two directions add.
@@ -83,16 +88,32 @@ pub struct Uncertain {
 /// Samples the paths of a drawing on layers for which `is_marked` is true (given the layer's name) for the quality results, with
 /// [`PIECE`] and [`SQUARE`] or, in small drawings, as close as the cells of their map need it.
 pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
-    isometric::several_in_cell(|factor| {
-        Ink::sample(pattern, &is_marked, factor * PIECE, part_of_square(factor))
+    covering(|part| {
+        isometric::several_in_cell(|factor| {
+            Ink::sample(pattern, &is_marked, factor * PIECE, part_of_square(part * factor))
+        })
     })
 }
 
-/// The same without the areas inside outlines that nothing fills: there, a laser marks only the lines.
-pub fn sample_as_marked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
-    isometric::several_in_cell(|factor| {
-        Ink::sample_as_marked(pattern, &is_marked, factor * PIECE, part_of_square(factor))
-    })
+/// The same without the areas inside outlines that nothing fills: there, a laser marks only the lines. The squares are as large as those
+/// of `ink`, the same drawing with these areas.
+pub fn sample_as_marked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, ink: &Ink) -> Ink {
+    let factor = (ink.side / SQUARE).min(1.0);
+    Ink::sample_as_marked(pattern, is_marked, factor * PIECE, ink.side)
+}
+
+/// The samples of ink with smaller squares where these are too large to show its area; `sample` takes the factor on their sides.
+fn covering(sample: impl Fn(f64) -> Ink) -> Ink {
+    let mut ink = sample(1.0);
+    for part in SMALLER {
+        let is_shown =
+            ink.inked_area == 0.0 || !ink.squares.is_empty() && (ink.weight() - 1.0).abs() <= NOT_SHOWN;
+        if is_shown {
+            break;
+        }
+        ink = sample(part);
+    }
+    ink
 }
 
 /// The side of squares that are smaller by at least a factor and divide [`SQUARE`] evenly, mm: what the large ones cover exactly, they do, too.
@@ -214,6 +235,8 @@ fn measure_with(
         }
         Some(relief) => measure_blocks(ink, relief, &map, lift, doubt, &mut distortion)?,
     }
+    distortion.area_error *= ink.weight();
+    distortion.uncertain.area_error *= ink.weight();
     Ok(distortion)
 }
 
@@ -744,7 +767,8 @@ mod tests {
                 lifts.set(lifts.get() + 1);
                 ViewPoint::new(1.1 * at.x, at.y)
             };
-            let ink = Ink { squares, ..ink.clone() };
+            let inked_area = squares.len() as f64 * SQUARE.powi(2);
+            let ink = Ink { squares, inked_area, ..ink.clone() };
             measure(&ink, map, |at| Some(0.1 * at.x * at.y)).unwrap().area_error
         };
         area_error(ink.squares.clone());

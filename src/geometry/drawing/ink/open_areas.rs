@@ -47,7 +47,8 @@ impl Ink {
             return (self, places);
         }
         let squares = inked.centers();
-        (Self { squares, blocks: inked.into_blocks(), ..self }, places)
+        let inked_area = self.inked_area * squares.len() as f64 / self.squares.len() as f64;
+        (Self { squares, blocks: inked.into_blocks(), inked_area, ..self }, places)
     }
 }
 

@@ -17,6 +17,7 @@ pub(super) fn with_enclosed_cells(ink: &Ink) -> Option<Ink> {
     (!squares.is_empty()).then(|| Ink {
         pieces: ink.pieces.clone(),
         dots: ink.dots.clone(),
+        inked_area: squares.len() as f64 * ink.side * ink.side,
         squares,
         blocks: Vec::new(),
         ..*ink
@@ -86,7 +87,15 @@ mod tests {
         };
         let pieces: Vec<Piece> = ring(10.0, 0.0).chain(ring(10.5, TAU / 2.0)).collect();
         let extents = Extents::of(pieces.iter().map(|piece| piece.from.coords()));
-        Ink { pieces, dots: Vec::new(), squares: Vec::new(), blocks: Vec::new(), side: 0.4, extents }
+        Ink {
+            pieces,
+            dots: Vec::new(),
+            squares: Vec::new(),
+            blocks: Vec::new(),
+            side: 0.4,
+            inked_area: 0.0,
+            extents,
+        }
     }
 
     #[test]

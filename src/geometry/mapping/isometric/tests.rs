@@ -32,6 +32,7 @@ fn frame(width: f64, height: f64) -> Ink {
         squares: Vec::new(),
         blocks: Vec::new(),
         side: 0.4,
+        inked_area: 0.0,
         extents,
     }
 }
@@ -187,7 +188,15 @@ fn circles(pieces: usize) -> Ink {
     };
     let pieces: Vec<Piece> = (0..15).flat_map(circle).collect();
     let extents = Extents::of(pieces.iter().map(|piece| piece.from.coords()));
-    Ink { pieces, dots: Vec::new(), squares: Vec::new(), blocks: Vec::new(), side: 0.4, extents }
+    Ink {
+        pieces,
+        dots: Vec::new(),
+        squares: Vec::new(),
+        blocks: Vec::new(),
+        side: 0.4,
+        inked_area: 0.0,
+        extents,
+    }
 }
 
 #[test]
