@@ -70,7 +70,7 @@ impl FitTask {
         } = settings;
         let leaves_view_to_file = match view_source {
             ViewSource::Station => true,
-            ViewSource::Sides => false,
+            ViewSource::Sides | ViewSource::Rolled => false,
             ViewSource::Frame(_) | ViewSource::FrameOfFile(_) => return None,
         };
         if *converter != Converter::None || primitive.is_some() {

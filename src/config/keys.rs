@@ -342,7 +342,14 @@ impl PartKeys {
             if to.part.view_source.frame().is_some() {
                 (to.part.facing, to.part.roll) = (Facing::TOP, 0.0);
             }
-            to.part.view_source = ViewSource::Sides;
+            to.part.view_source = match to.part.view_source {
+                _ if self.facing.is_some() => ViewSource::Sides,
+                ViewSource::Sides => ViewSource::Sides,
+                ViewSource::Station
+                | ViewSource::Rolled
+                | ViewSource::Frame(_)
+                | ViewSource::FrameOfFile(_) => ViewSource::Rolled,
+            };
         }
         if let Some(facing) = self.facing {
             to.part.facing = match facing.get_ref() {

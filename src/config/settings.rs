@@ -94,8 +94,10 @@ pub enum ViewSource {
     /// The station's settings for every part, or their defaults: a marking frame in the part's file replaces them.
     #[default]
     Station,
-    /// `facing` or `roll` that a person gave for this part.
+    /// `facing` that a person gave for this part.
     Sides,
+    /// Only `roll` that a person gave for this part: it replaces a marking frame in the part's file, but names no side.
+    Rolled,
     /// A marking frame of the settings.
     Frame(MarkingFrame),
     /// The marking frame in the part's file.
@@ -108,7 +110,7 @@ impl ViewSource {
     pub fn frame(&self) -> Option<&MarkingFrame> {
         match self {
             Self::Frame(frame) | Self::FrameOfFile(frame) => Some(frame),
-            Self::Station | Self::Sides => None,
+            Self::Station | Self::Sides | Self::Rolled => None,
         }
     }
 }
@@ -141,7 +143,7 @@ impl PartSettings {
     pub fn leaves_view_to_file(&self) -> bool {
         let is_open = match self.view_source {
             ViewSource::Station | ViewSource::FrameOfFile(_) => true,
-            ViewSource::Sides | ViewSource::Frame(_) => false,
+            ViewSource::Sides | ViewSource::Rolled | ViewSource::Frame(_) => false,
         };
         is_open && self.primitive.is_none()
     }

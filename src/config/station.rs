@@ -359,7 +359,7 @@ impl Station {
 impl JobSettings {
     /// Marks sides and place as the station's, which give way to a marking frame in a part's file.
     fn are_for_every_part(&mut self) {
-        if self.part.view_source == ViewSource::Sides {
+        if matches!(self.part.view_source, ViewSource::Sides | ViewSource::Rolled) {
             self.part.view_source = ViewSource::Station;
         }
         self.placement.is_place_given = false;

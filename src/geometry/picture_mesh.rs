@@ -272,6 +272,13 @@ impl PictureMesh {
         picture
     }
 
+    /// The same triangles without normals; `None` if all of them have no area.
+    #[must_use]
+    pub fn to_mesh(&self) -> Option<TriMesh> {
+        let positions = self.positions.iter().map(|position| Point3::from(position.map(f64::from)));
+        TriMesh::new(positions.collect(), Vec::new(), self.triangles.clone()).ok()
+    }
+
     /// Vertex positions, mm.
     #[must_use]
     pub fn positions(&self) -> &[[f32; 3]] {

@@ -24,7 +24,7 @@ use crate::geometry::optics::Lens;
 use crate::geometry::pattern::Shape;
 use crate::geometry::primitive::Primitive;
 use crate::geometry::sides::thickness_behind;
-use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, View, ViewPoint};
+use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, ViewPoint};
 use crate::geometry::surface::fit::FitError;
 use crate::reason::{Notice, Place, Reason};
 use crate::report::RoundReport;
@@ -135,7 +135,16 @@ pub(super) fn frame_of_file(of_file: Option<&MarkingFrame>, settings: &JobSettin
     );
     let message = match settings.part.view_source {
         ViewSource::Sides => {
-            format!("{found}; it is not used, because `facing` or `roll_deg` is given for this part")
+            format!("{found}; it is not used, because `facing` is given for this part")
+        }
+        // A roll names no side, so nobody may have meant the one that faces the laser instead.
+        ViewSource::Rolled => {
+            let [x, y, z] = settings.part.facing.direction().into();
+            let message = format!(
+                "{found}; it is not used, because `roll_deg` is given for this part: the laser looks at the side ({x:.3}, {y:.3}, \
+                 {z:.3}). Give `facing` with `roll_deg`, or turn the drawing with `rotate_deg` in the frame"
+            );
+            return Some(Notice::warning("frame-chosen", message));
         }
         ViewSource::Frame(_) => format!("{found}; it is not used, because the settings give another `frame`"),
         ViewSource::Station | ViewSource::FrameOfFile(_) if replaces || is_placed => {
@@ -148,7 +157,8 @@ pub(super) fn frame_of_file(of_file: Option<&MarkingFrame>, settings: &JobSettin
 
 /// Warns of a flat side that faces the laser only by default, where a curved one is probably meant.
 pub(super) fn flat_side(facts: &PartFacts, settings: &PartSettings) -> Option<Notice> {
-    let is_default = settings.view_source == ViewSource::Station && settings.primitive.is_none();
+    let is_unnamed = matches!(settings.view_source, ViewSource::Station | ViewSource::Rolled);
+    let is_default = is_unnamed && settings.primitive.is_none();
     let faces = |side: &&SideFacts| parse_facing(&side.side).is_ok_and(|facing| facing == settings.facing);
     let seen = facts.sides.iter().find(faces).filter(|side| is_default && !side.curved && !side.meant)?;
     let meant: Vec<&SideFacts> = facts.sides.iter().filter(|side| side.meant && side.curved).collect();
@@ -212,14 +222,19 @@ pub(super) fn frame_direction(frame: &MarkingFrame, mesh: &TriMesh) -> Result<()
     .with_number("part behind the frame", thickness, "mm", Some(0.0)))
 }
 
+/// How far the origin of a marking frame is under the surface that the laser sees, mm; 0 beside it.
+pub(super) fn depth_of(frame: &MarkingFrame, part: &CachedSurface, settings: &PartSettings) -> f64 {
+    let at = settings.view().point(frame.origin());
+    part.surface.sampled_height(ViewPoint::new(at.x, at.y)).map_or(0.0, |height| height - at.z)
+}
+
 /// Mentions a marking frame that is far from the surface where the drawing lands.
 pub(super) fn frame_on_surface(
     frame: &MarkingFrame,
     part: &CachedSurface,
     settings: &PartSettings,
 ) -> Option<Notice> {
-    let at = View::new(settings.facing, settings.roll).point(frame.origin());
-    let depth = part.surface.sampled_height(ViewPoint::new(at.x, at.y))? - at.z;
+    let depth = depth_of(frame, part, settings);
     let message = |distance: f64, side: &str| {
         format!(
             "the marking frame's origin is {distance:.2} mm {side} the surface that the laser sees; the drawing is placed on \

@@ -17,7 +17,7 @@ use crate::formats::mesh::{
 use crate::geometry::mark_region::MarkRegion;
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::primitive::Primitive;
-use crate::geometry::sides::Side;
+use crate::geometry::sides::{ON_SURFACE, Side};
 use crate::reason::{Notice, Reason};
 
 /// A part of this size is worth asking another computer to fit it, bytes. The hot folder treats such files as large ones, too.
@@ -86,6 +86,7 @@ impl Pipeline {
             self.make_current(sku, &current, is_new)?;
             let kept = CachedSurface { origin: current.origin, ..kept };
             self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
+            self.check_frame(sku, &key, &kept, settings).map_err(rejected)?;
             let settings = settings.for_part_with(kept.facts.marking_frame());
             let timings = clock.laps;
             return Ok(LearnedPart {
@@ -147,6 +148,24 @@ impl Pipeline {
             timings: clock.laps,
             recent: RecentDrawings::default(),
         })
+    }
+
+    /// Refuses a marking frame that points into the part, on a surface that was kept for another frame or side of the same view.
+    fn check_frame(
+        &self,
+        sku: &Sku,
+        key: &CacheKey,
+        kept: &CachedSurface,
+        settings: &PartSettings,
+    ) -> Result<(), Reason> {
+        let settings = settings.for_part_with(kept.facts.marking_frame());
+        let frame = settings.view_source.frame();
+        // The mesh is only read where the frame is under the surface.
+        let Some(frame) = frame.filter(|frame| checks::depth_of(frame, kept, &settings) > ON_SURFACE) else {
+            return Ok(());
+        };
+        let mesh = self.cache.as_ref().and_then(|cache| cache.picture_mesh(sku, key)?.to_mesh());
+        mesh.map_or(Ok(()), |mesh| checks::frame_direction(frame, &mesh))
     }
 
     fn mesh_options(&self, settings: &PartSettings) -> MeshOptions {
@@ -229,6 +248,9 @@ impl Pipeline {
             }
             (kept, _) => kept,
         };
+        if let Some(kept) = &kept {
+            self.check_frame(sku, &key, kept, settings)?;
+        }
         let timings = clock.laps;
         let learned = |kept: CachedSurface| {
             let settings = settings.for_part_with(kept.facts.marking_frame());

@@ -241,7 +241,9 @@ impl Placing {
     fn new(anchor: FlatPoint, settings: &JobSettings) -> Self {
         let place = settings.placement.place.map(|place| place.coords());
         let place = match &settings.part.view_source {
-            ViewSource::Station | ViewSource::Sides => place.map_or(anchor, FlatPoint::from),
+            ViewSource::Station | ViewSource::Sides | ViewSource::Rolled => {
+                place.map_or(anchor, FlatPoint::from)
+            }
             source @ (ViewSource::Frame(frame) | ViewSource::FrameOfFile(frame)) => {
                 let is_used = settings.placement.is_place_given || matches!(source, ViewSource::Frame(_));
                 (frame.place().coords() + place.filter(|_| is_used).unwrap_or_default()).into()
@@ -296,7 +298,7 @@ impl Placing {
             rotate_deg: settings.placement.rotate.to_degrees(),
             round: None,
             frame: match settings.part.view_source {
-                ViewSource::Station | ViewSource::Sides => None,
+                ViewSource::Station | ViewSource::Sides | ViewSource::Rolled => None,
                 ViewSource::Frame(frame) => {
                     Some(FrameReport { source: FrameSource::Settings, frame: frame.into() })
                 }

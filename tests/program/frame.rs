@@ -4,7 +4,7 @@ use isomark::formats::pattern::{PatternOptions, read};
 use serde_json::{Value, json};
 
 use crate::desk::{Desk, assert_near, notices, numbers};
-use crate::glb::{Frame, Glb};
+use crate::glb::{Frame, Glb, around};
 use crate::station::Station;
 
 const RADIUS: f64 = 33.0;
@@ -160,6 +160,35 @@ fn what_a_person_gives_for_the_part_replaces_the_node() {
     assert_ends(ends(&desk.read("given.dxf")), true_ends(&given, -0.5, 30.0, 0.0));
 }
 
+/// A roll alone turns the part about the laser's axis, whichever side faces the laser.
+#[test]
+fn a_roll_alone_does_not_silence_the_warning_about_the_side() {
+    let desk = Desk::new();
+    desk.write("line.dxf", line());
+    let with_lid = || {
+        can().grid("lid", None, [4, 48], |u, v| {
+            let [x, y, z] = around(std::f64::consts::TAU * v).map(|share| share * RADIUS * (1.0 - u));
+            ([x, y, z + HEIGHT], [0.0, 0.0, 1.0])
+        })
+    };
+    desk.write("can.glb", with_lid().bytes());
+    desk.write("framed.glb", with_lid().frame(&Frame::on_can(RADIUS, 0.9, 40.0, 0.0)).bytes());
+    let warnings = |part: &str, options: &str| {
+        let report = desk.correct(part, "line.dxf", &format!("--place 0,0 {options}"));
+        let notices = report["notices"].as_array().unwrap().clone();
+        let warnings = notices.into_iter().filter(|notice| notice["severity"] == "warning");
+        warnings.map(|notice| notice["code"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let has = |warnings: Vec<String>, code: &str| warnings.iter().any(|warning| warning == code);
+    for roll in ["--roll 10", "--set part.roll_deg=0"] {
+        assert!(has(warnings("can.glb", roll), "flat-side"), "{roll}");
+        assert!(has(warnings("framed.glb", roll), "frame-chosen"), "{roll}");
+        let named = format!("{roll} --facing +z");
+        assert!(!has(warnings("can.glb", &named), "flat-side"), "{roll}");
+        assert!(!has(warnings("framed.glb", &named), "frame-chosen"), "{roll}");
+    }
+}
+
 #[test]
 fn a_station_marks_where_the_part_s_frame_is() {
     let station = Station::new();
@@ -233,8 +262,18 @@ fn frames_that_cannot_be_used_are_refused_with_a_remedy() {
     let inward_file = ["correct", "inward.glb", "line.dxf", "--out", "out.dxf"];
     desk.isomark(&inward_file).refused(1, &["frame-into-part", "65.99 mm of the part", "half a turn"]);
     let given = inward.option();
-    desk.isomark(&["correct", "can.glb", "line.dxf", "--out", "out.dxf", "--frame", &given])
-        .refused(1, &["frame-into-part"]);
+    // The surface on its other side may be kept.
+    for kept in [false, true] {
+        if kept {
+            desk.correct("can.glb", "line.dxf", "--facing +y --place 0,60");
+        }
+        desk.isomark(&["correct", "can.glb", "line.dxf", "--out", "out.dxf", "--frame", &given])
+            .refused(1, &["frame-into-part"]);
+        let again = ["correct", "line.dxf", "--sku", "can", "--out", "out.dxf", "--frame", &given];
+        if kept {
+            desk.isomark(&again).refused(1, &["frame-into-part"]);
+        }
+    }
     // Two of them, and none: the root of a picture of a mark.
     let (first, second) = (Frame::on_can(RADIUS, 0.0, 60.0, 0.0), Frame::on_can(RADIUS, 1.0, 60.0, 0.0));
     desk.write("two.glb", can().frame(&first).frame(&second).bytes());

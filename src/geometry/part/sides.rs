@@ -41,7 +41,7 @@ const EQUAL: f64 = 0.9;
 const WORTH: f64 = 0.5;
 
 /// A marking frame this near to the surface is on it, mm.
-const ON_SURFACE: f64 = 0.5;
+pub const ON_SURFACE: f64 = 0.5;
 
 /// How thick the part is behind the origin of a frame on its surface whose z axis points into it, mm; `None` for a frame that
 /// points out of the part, or whose origin is not on the surface.
