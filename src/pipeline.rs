@@ -635,6 +635,12 @@ fn comments(
     ]
 }
 
+/// Whether the comments of a file state that it is a corrected drawing.
+#[cfg(feature = "station")]
+pub(crate) fn is_corrected(dxf: &[u8]) -> bool {
+    !job_in_comments(dxf).is_empty()
+}
+
 /// The SKU and the pattern's name in the comments of a corrected drawing; empty without comments.
 fn job_in_comments(dxf: &[u8]) -> Vec<String> {
     let head = String::from_utf8_lossy(&dxf[..dxf.len().min(LENGTH_OF_HEAD)]);

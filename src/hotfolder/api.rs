@@ -73,6 +73,9 @@ pub trait Corrector: Sync {
         pace: Pace,
     ) -> Result<Delivery, JobError>;
 
+    /// Whether a file shows that it is a corrected drawing.
+    fn is_corrected(&self, file: &[u8]) -> bool;
+
     /// The products of the list with this name beside a pattern, of which `most` are allowed; `used` serial numbers were used
     /// before it.
     ///

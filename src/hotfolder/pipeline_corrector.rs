@@ -224,6 +224,10 @@ impl Corrector for PipelineCorrector {
         }))
     }
 
+    fn is_corrected(&self, file: &[u8]) -> bool {
+        crate::pipeline::is_corrected(file)
+    }
+
     fn follow(&self, station: &Station) {
         let mut pipeline = self.pipeline.lock().unwrap_or_else(PoisonError::into_inner);
         *pipeline = pipeline.clone().with_cache(Some(Cache::new(&station.folders.cache)));

@@ -723,6 +723,14 @@ const CODES: &[Code] = &[
          may be longer or shorter than in the drawing program.",
         "Convert texts to outlines in the drawing program if their appearance matters.",
     ]),
+    reason([
+        "foreign-file",
+        "The result would replace a file in the import folder that is not from isomark.",
+        "Results are recognised by the comments at their beginning, or because this station delivered them. Another file of the \
+         same name was put there by somebody else, and there may be no copy of it. With `comments = false` results cannot \
+         be recognised, and are replaced as before.",
+        "Move the file out of the import folder, or rename the drawing. Then drop the drawing again.",
+    ]),
     notice([
         "frame-above",
         "The marking frame is far above the surface that the laser sees.",
@@ -744,7 +752,8 @@ const CODES: &[Code] = &[
         "A node `isomark` in a glTF part gives the side that faces the laser, and where the drawing is placed. It \
          replaces the station's `facing`, `roll_deg` and `place_mm`, which are for every part. What is given for \
          this part, in the file of its SKU or on the command line, replaces the node: `facing`, `roll_deg` or \
-         `frame`. The message states which of them is used.",
+         `frame`. The message states which of them is used. It is a warning where `roll_deg` is given without `facing`: a \
+         roll turns the part about the laser's axis, and names no side.",
         "If the other one is to be used, remove the one that is not needed: the node from the part's file, or the \
          settings of the SKU or the command line.",
     ]),

@@ -115,6 +115,10 @@ impl Corrector for StandIn {
 
     fn follow(&self, _: &Station) {}
 
+    fn is_corrected(&self, _: &[u8]) -> bool {
+        true
+    }
+
     fn restore_part(
         &self,
         sku: &Sku,

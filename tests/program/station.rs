@@ -357,6 +357,63 @@ fn the_result_of_another_drawing_is_not_replaced() {
 }
 
 #[test]
+fn a_file_that_somebody_put_into_the_import_folder_is_not_replaced() {
+    let station = Station::new();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    station.desk.write("import/can@logo.dxf", "mine");
+    station.copy_into(&drawing("abc"), "can@logo.dxf");
+    let output = station.once();
+    assert_eq!(station.desk.read("import/can@logo.dxf"), b"mine", "{output:?}");
+    let reason = station.desk.text("rejected/can@logo.dxf.reason.txt");
+    assert!(reason.contains("not from isomark") && reason.contains("out of the import folder"), "{reason}");
+    // A result that this station does not remember is one all the same.
+    fs::remove_file(station.path("import/can@logo.dxf")).unwrap();
+    station.desk.isomark(&["retry", "station.toml", "--rejected"]);
+    station.once();
+    let first = station.desk.read("import/can@logo.dxf");
+    fs::remove_dir_all(station.path("state")).unwrap();
+    station.copy_into(&drawing("square"), "can@logo.dxf");
+    let output = station.once();
+    assert_ne!(station.desk.read("import/can@logo.dxf"), first, "{output:?}");
+}
+
+#[test]
+fn deliveries_are_counted_although_the_status_was_not_written_any_more() {
+    let station = Station::new();
+    station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+    for name in ["can@one.dxf", "can@two.dxf"] {
+        station.copy_into(&drawing("abc"), name);
+    }
+    station.once();
+    let delivered = || {
+        let status = station.desk.isomark(&["status", "station.toml", "--json"]);
+        let status: serde_json::Value = serde_json::from_str(&status.out).unwrap();
+        status["done"]["delivered_last_hour"].as_u64().unwrap()
+    };
+    assert_eq!(delivered(), 2);
+    fs::remove_file(station.path("state/status.json")).unwrap();
+    station.once();
+    assert_eq!(delivered(), 2);
+    // What both know counts once.
+    station.once();
+    assert_eq!(delivered(), 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_the_rejected_folder_does_not_hold_up_a_retry() {
+    let station = Station::new();
+    let pipe = station.path("hot/can@pipe.dxf");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    station.copy_into(&drawing("abc"), "can@logo.dxf");
+    station.once();
+    assert!(station.path("rejected/can@pipe.dxf").exists());
+    let output = station.desk.isomark(&["retry", "station.toml", "--rejected"]);
+    assert_eq!(output.code, 0, "{output:?}");
+    assert!(station.path("hot/can@logo.dxf").exists() && pipe.exists(), "{:?}", files(station.desk.root()));
+}
+
+#[test]
 fn a_note_beside_the_drawings_is_rejected_and_holds_none_back() {
     let station = Station::new();
     station.copy_into(&part("can/fc020-gui.glb"), "can.glb");

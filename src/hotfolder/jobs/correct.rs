@@ -264,6 +264,9 @@ impl<C: Corrector> Executor<'_, C> {
         })?;
         drawing.result.result = delivery::hash_of(&made.drawing);
         if let Some(previous) = previous.as_deref().filter(|_| !was_delivered) {
+            if !self.corrector.is_corrected(previous) {
+                drawing.keeps_files_of_others(previous)?;
+            }
             drawing.keeps_results_of_others(previous)?;
         }
         import_is_there()?;
@@ -299,6 +302,24 @@ impl Before {
 impl Correction<'_> {
     fn is_same_again(&self) -> bool {
         self.last.as_ref().is_some_and(|last| last.job.key == self.result.key)
+    }
+
+    /// Rejects the drawing if the file of its name in the import folder, `previous`, which does not show that it is a corrected drawing,
+    /// is not the last result either: there may be no other copy of it. Without comments, no result shows that.
+    fn keeps_files_of_others(&self, previous: &[u8]) -> Result<(), JobError> {
+        let Ready { name, .. } = self.ready;
+        let hash = delivery::hash_of(previous);
+        let is_known =
+            hash == self.result.result || self.last.as_ref().is_some_and(|last| last.job.result == hash);
+        if is_known || previous.is_empty() || !self.settings.output.comments {
+            return Ok(());
+        }
+        let what =
+            format!("The import folder has a file {name} that is not from isomark, and would be lost.");
+        let remedy = format!(
+            "Move {name} out of the import folder, or rename this drawing. Then drop the drawing again."
+        );
+        Err(JobError::Rejected(Reason::new("foreign-file", what, remedy)))
     }
 
     /// Rejects the drawing if the one in the import folder, `previous`, is the result of a drawing with another name: nobody asked

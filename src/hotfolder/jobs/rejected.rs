@@ -221,7 +221,16 @@ pub(super) fn drop_of(reason: &Path) -> Option<PathBuf> {
 
 /// The companions beside a rejected drop; empty for a drop that cannot be read.
 pub(super) fn companions_of(rejected: &Path) -> Vec<PathBuf> {
-    fs::read(rejected).map(|bytes| companions(rejected, &bytes)).unwrap_or_default()
+    content_of(rejected).map(|bytes| companions(rejected, &bytes)).unwrap_or_default()
+}
+
+/// The content of a rejected drop; empty for a pipe or a device, which would never end or wait for a writer.
+fn content_of(rejected: &Path) -> std::io::Result<Vec<u8>> {
+    if is_regular(rejected) || !rejected.exists() { fs::read(rejected) } else { Ok(Vec::new()) }
+}
+
+fn is_regular(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| found.is_file())
 }
 
 fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Result<()> {
@@ -237,7 +246,7 @@ fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Resu
         fs::create_dir_all(&folders.hot)?;
         make_folder(folder)?;
     }
-    let bytes = fs::read(&rejected)?;
+    let bytes = content_of(&rejected)?;
     for companion in companions(&rejected, &bytes) {
         match move_new(&companion, &target.with_file_name(companion.file_name().unwrap_or_default())) {
             Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),

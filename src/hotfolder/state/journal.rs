@@ -310,6 +310,13 @@ impl Journal {
         self.results.uncertain()
     }
 
+    /// The times of the newest certain results from this time on, as text.
+    pub(crate) fn delivered_since(&self, from: &str) -> Vec<String> {
+        let is_new =
+            |result: &Delivered| result.at.as_str() >= from && result.certainty == Certainty::Certain;
+        self.results.iter().filter(is_new).map(|result| result.at).collect()
+    }
+
     /// All jobs that were started and not filed.
     pub(crate) fn all_begun(&self) -> Vec<(DropId, OpenJob)> {
         self.open.iter().map(|(drop, open)| (drop.clone(), open.clone())).collect()

@@ -1,7 +1,7 @@
 //! The status of a station, for people at another terminal and for programs: `state/status.json`, written at most once
 //! a second.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
@@ -343,8 +343,27 @@ fn last_hour(now: SystemTime) -> (String, String) {
 
 /// The minute of a moment, as text whose order is that of time.
 fn minute_of(moment: SystemTime) -> String {
-    let second = clock::timestamp(moment);
-    format!("{}:00Z", second.get(..16).unwrap_or(&second))
+    minute_with(&clock::timestamp(moment))
+}
+
+/// The minute with a second, given as text.
+fn minute_with(second: &str) -> String {
+    format!("{}:00Z", second.get(..16).unwrap_or(second))
+}
+
+/// The minutes with at least as many deliveries as there were at these times.
+fn with_deliveries(minutes: Vec<Minute>, times: &[String]) -> Vec<Minute> {
+    let mut all: BTreeMap<String, Minute> =
+        minutes.into_iter().map(|minute| (minute.at.clone(), minute)).collect();
+    let mut delivered: BTreeMap<String, u64> = BTreeMap::new();
+    for time in times {
+        *delivered.entry(minute_with(time)).or_default() += 1;
+    }
+    for (at, delivered) in delivered {
+        let known = all.entry(at.clone()).or_insert(Minute { at, delivered: 0, rejected: 0 });
+        known.delivered = known.delivered.max(delivered);
+    }
+    all.into_values().collect()
 }
 
 /// What a station remembers for its status.
@@ -378,11 +397,13 @@ pub(crate) struct View<'a> {
 }
 
 impl StatusBoard {
-    /// Starts with the last hour and the finished and rejected drops from the previous status, if that can be read.
-    pub(crate) fn new(station: &Station, state: &Path) -> Self {
+    /// Starts with the last hour and the finished and rejected drops from the previous status, if that can be read. A station that
+    /// was interrupted may not have written its last deliveries: `delivered` are the times of those in the journal.
+    pub(crate) fn new(station: &Station, state: &Path, delivered: impl FnOnce(&str) -> Vec<String>) -> Self {
         let before = Status::read(state).ok().flatten();
         let (minutes, finished, rejections) =
             before.map(|status| (status.minutes, status.finished, status.rejections)).unwrap_or_default();
+        let minutes = with_deliveries(minutes, &delivered(&last_hour(SystemTime::now()).0));
         Self {
             station: station.name.clone(),
             since: clock::now(),
