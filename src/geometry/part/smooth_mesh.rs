@@ -58,6 +58,9 @@ pub(super) const MOST_BEND: f64 = 0.75;
 /// A facet turns notably along a direction if it turns by at least this share of its largest turn.
 const NOTABLE_TURN: f64 = 0.3;
 
+/// Normals that turn by less than this, rad, are those of a flat triangle.
+const FLAT_TURN: f64 = 1e-6;
+
 /// Triangles over shared vertices, in the frame of a view, mm.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SmoothMesh {
@@ -172,8 +175,27 @@ impl SmoothMesh {
             (reach, reach * eigen.eigenvalues[axis].max(0.0).sqrt())
         });
         let most = along_axes[0].1.max(along_axes[1].1);
+        if most < FLAT_TURN {
+            return self.reach_between(triangle).unwrap_or(longest);
+        }
         let turning = along_axes.iter().filter(|(_, turn)| *turn >= NOTABLE_TURN * most);
         turning.map(|(reach, _)| *reach).fold(0.0, f64::max)
+    }
+
+    /// How far a flat triangle reaches along the direction in which its neighbours turn most, mm; `None` if they do not turn.
+    fn reach_between(&self, triangle: usize) -> Option<f64> {
+        let corners = self.corners(triangle).0;
+        let normal = facet_normal(corners);
+        let turn = |side: usize| {
+            let other = self.continued.get(3 * triangle + side).copied().unwrap_or(NONE);
+            let beyond = (other != NONE).then(|| facet_normal(self.corners(other as usize / 3).0));
+            beyond.map_or(Vector3::zeros(), |beyond| beyond - normal * beyond.dot(&normal))
+        };
+        let turn =
+            [0, 1, 2].map(turn).into_iter().max_by(|one, other| one.norm().total_cmp(&other.norm()))?;
+        let direction = turn.try_normalize(FLAT_TURN)?;
+        let along = corners.map(|corner| corner.coords.dot(&direction));
+        Some(along.into_iter().fold(f64::MIN, f64::max) - along.into_iter().fold(f64::MAX, f64::min))
     }
 
     /// The ends of a side, mm.

@@ -45,6 +45,8 @@ const STEADY: f64 = 1.3;
 const EVEN_BEND: f64 = 0.15;
 /// Unless wide and narrow sides take turns: the one are so many times as long as the other.
 const IN_TURN: f64 = 1.5;
+/// At so many vertices in a row, on average beyond both ends, a curve bends that is no fillet of one facet.
+const BENDING: usize = 3;
 /// CAD programs cut an arc into facets that turn by at most twice this, rad.
 const MOST_LEAN: f64 = 0.25;
 /// Neighbours of a vertex among which its ring is looked for.
@@ -129,6 +131,49 @@ impl<'a> Chains<'a> {
                 (OF_LONE * possible.map(error).fold(0.0, f64::max)).max(of_flat)
             }
         }
+    }
+
+    /// The error of the slope over a side that is taken for a straight one, rad, root mean square, if smooth curves without known arcs
+    /// bend on beyond both ends, one way at one and the other way at the other: a flat side leads from one fillet to another, and
+    /// so does the bend of a spline. 0 for others.
+    pub(super) fn doubt_of_straight(&self, ends: [u32; 2]) -> f64 {
+        let is_extruded = self.is_across_rulings(ends);
+        if !is_extruded && !self.is_along_profile(ends) {
+            return 0.0;
+        }
+        let ways = [[ends[1], ends[0]], [ends[0], ends[1]]];
+        let [Some((first, few)), Some((last, others))] = ways.map(|way| self.bends_on(way)) else {
+            return 0.0;
+        };
+        if first * last >= 0.0 || few + others < 2 * BENDING {
+            return 0.0;
+        }
+        let error = ((2.0 * (first * first + last * last) + first * last) / 15.0).sqrt();
+        if is_extruded { error } else { OF_TURNED * error }
+    }
+
+    /// By how much the normal leans from a side at its second end, rad, and at how many vertices, up to twice [`BENDING`], the curve
+    /// beyond bends that way. It is what a known arc leaves of the turn, or the lean of a circle through the vertices; `None` where the
+    /// curve ends, or the arc is tangent to the side.
+    fn bends_on(&self, [from, end]: [u32; 2]) -> Option<(f64, usize)> {
+        let beyond = self.straight_on(from, end)?;
+        let turn = self.turn_at(end, [from, beyond]);
+        let (here, next) = (self.distance([from, end]), self.distance([end, beyond]));
+        let (mut side, mut count) = ([end, beyond], 1);
+        let lean = match self.lean_of_arc(side) {
+            Some(of_arc) => turn - of_arc,
+            None => turn * here / (here + next),
+        };
+        if lean * turn <= NOT_FLAT * turn * turn {
+            return None;
+        }
+        while count < 2 * BENDING
+            && let Some(after) = self.straight_on(side[0], side[1])
+            && self.turn_at(side[1], [side[0], after]) * turn > 0.0
+        {
+            (side, count) = ([side[1], after], count + 1);
+        }
+        Some((lean, count))
     }
 
     /// Whether the arc of a side ends at its second end, and what is beyond is not known: the border of the smooth side, or a
@@ -401,6 +446,71 @@ mod tests {
         let [error, doubt] = [squares, doubts].map(|sum: f64| (sum / count).sqrt());
         // A doubt is the mean over lines in all directions, and the grid has many points at the corners, where the error is largest.
         assert!(error > 0.01 && doubt >= 0.5 * error, "{doubt} rad for {error} rad");
+    }
+
+    /// A strip along y with these points of its section, x and z in mm.
+    fn extruded(section: &[[f64; 2]]) -> SmoothMesh {
+        let count = section.len() as u32;
+        let at = |y: f64| section.iter().map(move |&[x, z]| Point3::new(x, y, z));
+        let positions: Vec<Point3<f64>> = at(-25.0).chain(at(25.0)).collect();
+        let cells = (0..count - 1).map(|at| [at, at + 1, count + at + 1, count + at]);
+        let triangles = cells.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        SmoothMesh::new(&TriMesh::new(positions, Vec::new(), triangles.collect()).unwrap(), &View::top())
+    }
+
+    /// The error and the doubt of the slope over the facet in the middle, rad, root mean square; `slope` is that of the section.
+    fn of_middle(part: &SmoothMesh, slope: impl Fn(f64) -> f64) -> [f64; 2] {
+        let (mut squares, mut doubts, mut count) = (0.0, 0.0, 0.0);
+        for triangle in 0..part.triangles.len() {
+            let corners = part.corners(triangle).0;
+            if corners.iter().all(|at| at.x < 0.0) || corners.iter().all(|at| at.x > 0.0) {
+                continue;
+            }
+            let grid: Vec<(Point3<f64>, Vector3<f64>)> = part.patch(triangle).grid().collect();
+            let off = |(at, normal): &(Point3<f64>, Vector3<f64>)| {
+                normal.angle(&Vector3::new(-slope(at.x), 0.0, 1.0)).powi(2)
+            };
+            squares += grid.iter().map(off).sum::<f64>() / grid.len() as f64;
+            doubts += f64::from(part.slope_doubts.get(triangle).copied().unwrap_or(0.0)).powi(2);
+            count += 1.0;
+        }
+        [squares, doubts].map(|sum: f64| (sum / count).sqrt())
+    }
+
+    /// Splines are cut where they bend, so that a long facet reaches from one bend to the other.
+    #[test]
+    fn a_long_facet_between_opposite_bends_of_a_spline_is_in_doubt() {
+        for [height, length] in [[0.6, 11.0], [1.2, 10.0], [0.4, 14.0]] {
+            let curve = |x: f64| height * (x / length).sin();
+            let far = [0.55, 0.78, 0.99, 1.25, 1.6, 2.1].map(|share| share * length);
+            let places = far.iter().rev().map(|x| -x).chain(far);
+            let section: Vec<[f64; 2]> = places.map(|x| [x, curve(x)]).collect();
+            let part = extruded(&section);
+            let [error, doubt] = of_middle(&part, |x| height / length * (x / length).cos());
+            // The grid has many points at the corners, where the error is largest.
+            assert!(error > 1e-3 && doubt > 0.5 * error, "{height}, {length}: {doubt} rad for {error} rad");
+            assert!(doubt < 2.0 * error, "{height}, {length}: {doubt} rad for {error} rad");
+        }
+    }
+
+    #[test]
+    fn a_flat_side_between_opposite_fillets_is_not_in_doubt() {
+        for (radius, turn, chords) in [(10.0, 0.12, 3u32), (6.0, 0.2, 2), (20.0, 0.05, 6)] {
+            let slope = f64::from(chords) * turn;
+            let end = [8.0 * slope.cos(), 8.0 * slope.sin()];
+            // From the flat side on along the arc, which bends down.
+            let arc = (1..=chords).map(|index| {
+                let angle = slope - f64::from(index) * turn;
+                [end[0] + radius * (slope.sin() - angle.sin()), end[1] + radius * (angle.cos() - slope.cos())]
+            });
+            let last = |points: &[[f64; 2]]| points.last().map(|[x, z]| [x + 15.0, *z]);
+            let mut half: Vec<[f64; 2]> = std::iter::once(end).chain(arc).collect();
+            half.extend(last(&half));
+            let section: Vec<[f64; 2]> =
+                half.iter().rev().map(|[x, z]| [-x, -z]).chain(half.iter().copied()).collect();
+            let [error, doubt] = of_middle(&extruded(&section), |_| slope.tan());
+            assert!(error < 2e-4 && doubt < 2e-4, "{radius}, {turn}: {doubt} rad for {error} rad");
+        }
     }
 
     #[test]

@@ -120,12 +120,14 @@ impl SmoothMesh {
         let of_patch = |triangle: usize| beside.get((patches.get(triangle)?.checked_sub(1)?) as usize);
         let straightest = Straightest::of(self, &around);
         let chains = estimated.contains(&true).then(|| Chains::of(self, &straightest, &is_corner));
-        let of_chords = |triangle: usize| {
-            let Some(chains) = &chains else { return 0.0 };
+        let of_sides = |triangle: usize, doubt: &dyn Fn([u32; 2]) -> f64| {
             let corners = self.triangles[triangle];
             let sides = [0, 1, 2].map(|side| [corners[side], corners[(side + 1) % 3]]);
             let open = sides.into_iter().filter(|side| side.iter().any(|&end| estimated[end as usize]));
-            open.map(|side| chains.doubt(side)).fold(0.0, f64::max)
+            open.map(doubt).fold(0.0, f64::max)
+        };
+        let of_chords = |triangle: usize| {
+            chains.as_ref().map_or(0.0, |chains| of_sides(triangle, &|side| chains.doubt(side)))
         };
         let shortest = self.shortest();
         let doubt = |triangle: usize, own: &Beside| {
@@ -162,6 +164,17 @@ impl SmoothMesh {
         let of_bulging = mapped(fork, bulging.len(), |index| doubt(bulging[index], &beside[index]));
         let mut doubts = vec![0.0; self.triangles.len()];
         bulging.iter().zip(of_bulging).for_each(|(&triangle, doubt)| doubts[triangle] = doubt);
+        if let Some(chains) = &chains {
+            let is_between = |triangle: usize| {
+                let is_flat = patches[triangle] == 0 && self.faces_laser(triangle);
+                is_flat && self.triangles[triangle].iter().all(|&vertex| is_corner[vertex as usize])
+            };
+            for (triangle, doubt) in
+                doubts.iter_mut().enumerate().filter(|(triangle, _)| is_between(*triangle))
+            {
+                *doubt = of_sides(triangle, &|side| chains.doubt_of_straight(side)) as f32;
+            }
+        }
         let is_open =
             |triangle: usize| self.triangles[triangle].iter().any(|&vertex| estimated[vertex as usize]);
         for &HiddenArc { triangle, doubt, .. } in hidden {
