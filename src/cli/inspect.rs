@@ -20,7 +20,7 @@ use crate::formats::mesh::{
     self, FaceKind, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
     SideFacts,
 };
-use crate::formats::pattern::{self, PatternFacts, PatternReadError};
+use crate::formats::pattern::{self, PatternFacts, PatternReadError, Skipped};
 use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::sides::{SIDES, Side, SideHeights};
@@ -33,7 +33,7 @@ use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 use crate::report_html::sides_html;
 
-/// Skipped entities are listed one by one up to this number.
+/// Lost and skipped entities are listed one by one up to this number each.
 const MOST_LISTED: usize = 12;
 
 #[derive(Debug, Args)]
@@ -495,10 +495,19 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
     let contours = pattern.paths.iter().filter(|path| path.is_contour()).count();
     let plural = if pattern.paths.len() == 1 { "" } else { "s" };
     line(&mut text, "to mark", &format!("{} path{plural}, {contours} of them closed", pattern.paths.len()));
-    for (entity, layers) in &facts.entities {
-        let by_layer: Vec<String> =
-            layers.iter().map(|(layer, count)| format!("{count} on {layer}")).collect();
-        line(&mut text, "", &format!("{entity}: {}", by_layer.join(", ")));
+    let marked: Vec<(&String, usize)> = facts
+        .layers
+        .iter()
+        .filter(|(_, found)| found.paths > 0)
+        .map(|(layer, found)| (layer, found.paths))
+        .collect();
+    if marked.len() > 1 {
+        line(&mut text, "", &by_layer(marked.into_iter()));
+    }
+    for (index, (entity, layers)) in facts.entities.iter().enumerate() {
+        let label = if index == 0 { "contains" } else { "" };
+        let counts = by_layer(layers.iter().map(|(layer, count)| (layer, *count)));
+        line(&mut text, label, &format!("{entity}: {counts}"));
     }
     for (layer, found) in facts.layers.iter().filter(|(_, found)| found.hidden.is_some()) {
         line(
@@ -507,26 +516,29 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
             &format!("layer {layer} is {}", found.hidden.as_deref().unwrap_or_default()),
         );
     }
-    for left in facts.skipped.iter().take(MOST_LISTED) {
-        let handle = left.handle.as_deref().unwrap_or("without handle");
-        line(
-            &mut text,
-            "SKIPPED",
-            &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why),
-        );
-    }
-    if facts.skipped.len() > MOST_LISTED {
-        line(
-            &mut text,
-            "SKIPPED",
-            &format!("and {} more; --json lists all", facts.skipped.len() - MOST_LISTED),
-        );
+    let (lost, skipped): (Vec<&Skipped>, Vec<&Skipped>) = facts.skipped.iter().partition(|left| left.is_ink);
+    for (label, entities) in [("LOST", lost), ("skipped", skipped)] {
+        for left in entities.iter().take(MOST_LISTED) {
+            let handle = left.handle.as_deref().unwrap_or("without handle");
+            line(
+                &mut text,
+                label,
+                &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why),
+            );
+        }
+        if entities.len() > MOST_LISTED {
+            line(&mut text, label, &format!("and {} more; --json lists all", entities.len() - MOST_LISTED));
+        }
     }
     for repair in &facts.repairs {
         line(&mut text, "repaired", &repair.notice.message);
     }
     notices(&mut text, facts.notices.iter());
     text
+}
+
+fn by_layer<'l>(counts: impl Iterator<Item = (&'l String, usize)>) -> String {
+    counts.map(|(layer, count)| format!("{count} on {layer}")).collect::<Vec<_>>().join(", ")
 }
 
 fn notices<'a>(text: &mut String, notices: impl Iterator<Item = &'a Notice>) {

@@ -1413,7 +1413,7 @@ const CODES: &[Code] = &[
         "not-taken",
         "Some entities of the drawing are not marked.",
         "They are of a kind that cannot be converted to lines, are hidden, or draw nothing. The message lists the \
-         kinds, layers and causes; the report lists all. It is a warning if something that the file draws is \
+         kinds, layers and causes, those that the drawing shows first; the report lists all. It is a warning if something that the file draws is \
          missing in the mark.",
         "Check the list. Convert what must be marked to curves in the drawing program.",
     ]),
