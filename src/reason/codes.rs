@@ -421,8 +421,8 @@ const CODES: &[Code] = &[
          vertices, and the reported errors are those on it. The number is how far it is above the middle of the facets. \
          The warning is given where facets leave the surface further, or turn more, than CAD programs let them when they cut a \
          round face. `correct` gives it only if the surface under the drawing is not a plane.",
-        "If the facets are meant as they are, set `normals = \"file\"` under [part] (`--normals file`), or `facets` if the file \
-         has no normals. If the part is round, export it from CAD as STEP or GLB, with smooth shading, or with finer facets; \
+        "If the facets are meant as they are, set `normals = \"facets\"` under [part] (`--normals facets`), or `file` if the file \
+         has smooth shapes, too. If the part is round, export it from CAD as STEP or GLB, with smooth shading, or with finer facets; \
          `normals = \"estimate\"` confirms that it is round.",
     ]),
     notice([

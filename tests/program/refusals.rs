@@ -736,6 +736,7 @@ fn a_station_whose_share_is_not_mounted() {
     let listed = desk.isomark(&["cache", "--station", "station.toml", "list"]);
     assert_eq!(listed.code, 0, "{}", listed.err);
     seen_on_a_share("cache");
+    std::fs::create_dir(desk.path("mine")).unwrap();
     let listed = desk.isomark(&["cache", "--station", "station.toml", "--cache", "mine", "list"]);
     assert_eq!(listed.code, 0, "{}", listed.err);
 }
