@@ -12,7 +12,10 @@ use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
 use super::progress::ProgressLine;
-use super::set::{SetArguments, add_options, refuse_options_of_other_formats, useless_to_an_inspection};
+use super::set::{
+    SetArguments, add_options, refuse_options_of_other_formats, refuse_options_of_the_other,
+    useless_to_an_inspection,
+};
 use crate::config::{IncidenceLimits, JobSettings, Losses, Overrides, PartSettings, parse_facing};
 use crate::cores::Cores;
 use crate::formats;
@@ -90,6 +93,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     at(Step::Read);
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
+            refuse_options_of_the_other(&overrides, &name, true)?;
             let options = MeshOptions {
                 unit: settings.part.unit,
                 up: settings.part.up,
@@ -168,6 +172,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
                 }
                 error => Failure::rejected(error.reason_for(&name)),
             })?;
+            refuse_options_of_the_other(&overrides, &name, false)?;
             let lost = lost_ink(&reading.facts).filter(|_| settings.losses == Losses::Refuse);
             reading.facts.notices.extend(lost);
             let text = pattern_text(&name, &reading.facts, &reading.pattern);

@@ -154,6 +154,18 @@ pub(super) fn without_effect(option: &str, why: &str, remedy: &str) -> Failure {
     Failure::usage(format!("`{typed}` has no effect: {why}."), remedy)
 }
 
+/// Refuses options of drawings for the part `name`, or options of parts for the drawing `name`.
+pub(super) fn refuse_options_of_the_other(overrides: &Overrides, name: &str, is_part: bool) -> Outcome {
+    let (table, why) = match is_part {
+        true => ("pattern.", "is a part, and it is for drawings"),
+        false => ("part.", "is a drawing, and it is for parts"),
+    };
+    match overrides.names().find(|(setting, _)| setting.starts_with(table)) {
+        Some((_, option)) => Err(without_effect(option, &format!("{name} {why}"), "Remove it.")),
+        None => Ok(()),
+    }
+}
+
 /// Why a setting has no effect in a single job.
 pub(super) fn useless_to_a_job(name: &str) -> Option<&'static str> {
     match name.split_once('.').map_or(name, |(table, _)| table) {

@@ -2269,6 +2269,13 @@ const CODES: &[Code] = &[
         "The laser marks lines, not texts. The corrected drawing contains the letters as curves.",
         "Check the texts in the preview.",
     ]),
+    notice([
+        "tiles-as-unused",
+        "The tiles of a mark round the part are not written as files, although the settings ask for it.",
+        "A station delivers one drawing for each drop, with the tiles as its layers. `isomark check` names the file that sets \
+         `as = \"files\"` under [rotary].",
+        "Remove the setting. To get files, correct the drawing with `isomark correct --station`.",
+    ]),
     reason([
         "too-much-ink",
         "The drawing's lines are too long to be marked.",

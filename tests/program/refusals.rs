@@ -475,6 +475,31 @@ fn options_of_what_is_switched_off_are_refused() {
 }
 
 #[test]
+fn options_for_parts_and_for_drawings_are_not_mixed_up() {
+    let desk = Desk::new();
+    let (mouse, abc) = (part(MOUSE), drawing("abc"));
+    let (for_drawings, for_parts) =
+        ("is a part, and it is for drawings", "is a drawing, and it is for parts");
+    for (file, typed, words) in [
+        (&mouse, "--width 20", for_drawings),
+        (&mouse, "--pattern-unit mm", for_drawings),
+        (&mouse, "--strokes band", for_drawings),
+        (&mouse, "--threshold 40", for_drawings),
+        (&mouse, "--space paper", for_drawings),
+        (&mouse, "--set pattern.strict=true", for_drawings),
+        (&abc, "--facing=-y", for_parts),
+        (&abc, "--normals file", for_parts),
+        (&abc, "--bridge 3", for_parts),
+        (&abc, "--smoothing none", for_parts),
+    ] {
+        let words_typed: Vec<&str> = typed.split(' ').collect();
+        let output = desk.isomark(&[&["inspect", file][..], &words_typed].concat());
+        let option = if typed.starts_with("--set") { typed } else { typed.split([' ', '=']).next().unwrap() };
+        output.refused(2, &[&format!("`{option}` has no effect: "), words, "what to do: Remove it."]);
+    }
+}
+
+#[test]
 fn only_a_drawing_is_replaced() {
     let desk = Desk::new();
     let job =
