@@ -946,6 +946,15 @@ fn layers_colours_and_hidden_parts_are_kept() {
 }
 
 #[test]
+fn what_is_not_marked_is_reported_with_what_the_drawing_shows_first() {
+    let reading =
+        drawn("<path d='M1 1h5v5z'/><path visibility='hidden' d='M1 1h5v5z'/><image width='5' height='5'/>");
+    let notice = reading.facts.notices.iter().find(|notice| notice.code == "not-taken").unwrap();
+    let start = "2 entities are not marked; the drawing shows 1 of them (image on layer 0: ";
+    assert!(notice.message.starts_with(start), "{}", notice.message);
+}
+
+#[test]
 fn ink_that_cannot_be_marked_is_listed() {
     let mark = "<path d='M1 1h5v5z'/>";
     for (lost, kind) in [
