@@ -946,6 +946,15 @@ fn layers_colours_and_hidden_parts_are_kept() {
 }
 
 #[test]
+fn what_is_not_marked_is_reported_with_what_the_drawing_shows_first() {
+    let reading =
+        drawn("<path d='M1 1h5v5z'/><path visibility='hidden' d='M1 1h5v5z'/><image width='5' height='5'/>");
+    let notice = reading.facts.notices.iter().find(|notice| notice.code == "not-taken").unwrap();
+    let start = "2 entities are not marked; the drawing shows 1 of them (image on layer 0: ";
+    assert!(notice.message.starts_with(start), "{}", notice.message);
+}
+
+#[test]
 fn ink_that_cannot_be_marked_is_listed() {
     let mark = "<path d='M1 1h5v5z'/>";
     for (lost, kind) in [
@@ -1120,6 +1129,49 @@ fn texts_are_aligned_and_named() {
     assert!(codes(&reading.facts).contains(&"font-replaced"));
 }
 
+/// The sides of the ink by the pixels of Chromium, 32 in a mm, with DejaVu Sans of 6 mm.
+#[test]
+fn spaced_texts_are_aligned_as_in_a_browser() {
+    for (content, left, right) in [
+        ("letter-spacing='3'>LOGO", 30.594, 55.875),
+        ("letter-spacing='3' text-anchor='middle'>LOGO", 15.969, 41.281),
+        ("letter-spacing='3' text-anchor='end'>LOGO", 1.375, 26.656),
+        ("letter-spacing='3' text-anchor='end'>LOGO ", 1.375, 26.656),
+        ("letter-spacing='-1' text-anchor='end'>LOGO", 17.375, 30.656),
+        ("text-anchor='end'>LOG<tspan letter-spacing='3'>O</tspan>", 10.375, 26.656),
+        ("text-anchor='end' letter-spacing='3'>LOG<tspan letter-spacing='0'>O</tspan>", 4.375, 29.656),
+        ("text-anchor='end' word-spacing='3'>LO GO ", 8.469, 29.656),
+        ("text-anchor='end' word-spacing='3'>LO&#160;GO", 8.469, 29.656),
+        ("text-anchor='end' word-spacing='3' xml:space='preserve'>LO GO ", 3.562, 24.75),
+        // A blank is a part of the text before a new position, but not at the end.
+        ("text-anchor='end'>LO<tspan x='21' y='30'>GO</tspan>", 11.969, 29.656),
+        ("text-anchor='end'>LO <tspan x='22' y='30'>GO</tspan>", 12.969, 27.75),
+    ] {
+        let text = format!("<text x='30' y='20' font-family='DejaVu Sans' font-size='6' {content}</text>");
+        let [from, _, to, _] = extents(&drawn(&text));
+        assert!((from - left).abs() < 0.04 && (to - right).abs() < 0.04, "{content}: {from} to {to}");
+    }
+}
+
+/// The heights of a baseline of 10 mm by the pixels of Chromium, 32 in a mm.
+#[test]
+fn baselines_are_where_a_browser_draws_them() {
+    for (name, expected) in [
+        ("alphabetic", 0.0),
+        ("middle", -2.75),
+        ("central", -3.469),
+        ("mathematical", -4.656),
+        ("hanging", -7.438),
+        ("text-before-edge", -9.281),
+        ("text-after-edge", 2.344),
+        ("ideographic", 2.344),
+    ] {
+        let text = format!("<text x='5' y='20' font-size='10' dominant-baseline='{name}'>H</text>");
+        let height = extents(&drawn(&text))[1] - 20.0;
+        assert!((height - expected).abs() < 0.035, "{name}: {height}");
+    }
+}
+
 /// Widths in units of DejaVu Sans, 2048 in an em, by the tables of the font; Chromium draws the same.
 #[test]
 fn letters_are_kerned_and_joined_as_the_font_states() {
@@ -1237,24 +1289,44 @@ fn words_are_raised_spaced_and_underlined() {
     };
     at(heights("<tspan baseline-shift='2'>H</tspan>"), [2.0, capital + 2.0]);
     at(heights("<tspan style='baseline-shift: -25%'>H</tspan>"), [-2.5, capital - 2.5]);
-    at(heights("<tspan baseline-shift='super'>H<tspan baseline-shift='2'>H</tspan></tspan>"), {
-        let first = 10.0 * 983.0 / 2048.0;
-        [first, first + 2.0 + capital]
-    });
+    // Half the height of the own font, from the ascender of 1901 units to the descender of 483: in Chromium 5.81 mm here.
+    let half = 10.0 * (1901.0 + 483.0) / 2048.0 / 2.0;
+    at(
+        heights("<tspan baseline-shift='super'>H<tspan baseline-shift='2'>H</tspan></tspan>"),
+        [half, half + 2.0 + capital],
+    );
+    at(heights("<tspan baseline-shift='sub'>H</tspan>"), [-half, capital - half]);
+    at(heights("<a baseline-shift='sub'>H</a>"), [-half, capital - half]);
+    // In Chromium, a superscript of 5 in a text of 10 is 2.91 mm higher, and a subscript lower.
+    at(
+        heights("<tspan baseline-shift='super' font-size='5'>H</tspan>"),
+        [half / 2.0, (half + capital) / 2.0],
+    );
+    at(heights("<tspan baseline-shift='sub' font-size='5'>H</tspan>"), [-half / 2.0, (capital - half) / 2.0]);
+    let whole = drawn(
+        "<g baseline-shift='sub'><text x='5' y='20' font-size='10' baseline-shift='super'>H</text></g>",
+    );
+    assert!((extents(&whole)[1] - 20.0 - half).abs() < 1e-6);
     let right = |inside: &str| extents(&text(inside))[2];
     let blank = "<tspan word-spacing='3'>H H H</tspan>";
     assert!((right(blank) - right("H H H") - 6.0).abs() < 1e-6);
     assert_eq!(extents(&text("<tspan style='text-transform: uppercase'>h</tspan>")), extents(&text("H")));
-    // A line under both words and the blank between them, 90 units thick.
+    let unbroken = "<tspan word-spacing='3'>H&#160;H H</tspan>";
+    assert!((right(unbroken) - right("H H H") - 6.0).abs() < 1e-6);
+    // A line along both words and the blank between them, as the pixels of Chromium show it (32 in a mm).
     let plain = text("H H");
-    let lined = text("<tspan text-decoration='underline'>H H</tspan>");
-    assert_eq!(lined.pattern.paths.len(), plain.pattern.paths.len() + 1);
-    let line = &lined.pattern.paths.last().unwrap().shape;
-    let ends = line.flattened(1e-3);
-    let (low, high) = ends
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), end| (low.min(end.y), high.max(end.y)));
-    assert!((high - low - 10.0 * 90.0 / 2048.0).abs() < 1e-6 && high < 20.0, "{low} {high}");
+    for (kind, bottom, top) in
+        [("underline", -1.5, -0.5), ("overline", 9.281, 10.281), ("line-through", 2.594, 3.594)]
+    {
+        let lined = text(&format!("<tspan text-decoration='{kind}'>H H</tspan>"));
+        assert_eq!(lined.pattern.paths.len(), plain.pattern.paths.len() + 1);
+        let line = &lined.pattern.paths.last().unwrap().shape;
+        let ends = line.flattened(1e-3);
+        let (low, high) = ends.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), end| {
+            (low.min(end.y - 20.0), high.max(end.y - 20.0))
+        });
+        assert!((low - bottom).abs() < 0.016 && (high - top).abs() < 0.016, "{kind}: {low} {high}");
+    }
     // Letters inside a span have the baseline of the text.
     let middle = |inside: &str| {
         extents(&drawn(&format!(

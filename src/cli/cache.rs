@@ -43,6 +43,14 @@ enum Verb {
 }
 
 pub(super) fn run(arguments: &CacheArguments) -> Outcome {
+    if let Some(folder) =
+        arguments.cache.as_ref().filter(|folder| folder.try_exists().is_ok_and(|is_there| !is_there))
+    {
+        return Err(Failure::usage(
+            format!("There is no folder {}.", shown(folder)),
+            "Check the name that follows `--cache`.",
+        ));
+    }
     let station = station(arguments.station.as_deref())?;
     if let Some(station) = station.as_ref().filter(|_| arguments.cache.is_none()) {
         share_is_there(station, UsedFolder::Cache)?;

@@ -73,7 +73,7 @@ struct LensArguments {
     #[arg(long, value_name = "Z,Z", value_delimiter = ',', default_value = "0,30", allow_hyphen_values = true, value_parser = parse_height)]
     heights: Vec<f64>,
     /// Crosses along each side of the grid, 2 to 9.
-    #[arg(long, value_name = "COUNT", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=9))]
+    #[arg(long, value_name = "COUNT", default_value_t = 3, allow_hyphen_values = true, value_parser = clap::value_parser!(u8).range(2..=9))]
     crosses: u8,
     /// A filled-in table, of positions or of distances; may be repeated.
     #[arg(long, value_name = "FILE.csv")]
@@ -85,7 +85,7 @@ struct LensArguments {
     #[arg(long)]
     stops: bool,
     /// Standard deviation of one measurement, mm: 0.1 for a ruler, 0.02 for a caliper. Used while the measurements are too few to show it.
-    #[arg(long, value_name = "MM", default_value_t = 0.1, value_parser = parse_reading)]
+    #[arg(long, value_name = "MM", default_value_t = 0.1, allow_hyphen_values = true, value_parser = parse_reading)]
     reading: f64,
     /// Draws the residual of every cross.
     #[arg(long, value_name = "FILE.svg")]

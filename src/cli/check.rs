@@ -10,12 +10,12 @@ use super::named_files::share_is_there;
 use super::outcome::{Exit, Failure, Outcome, print, shown};
 use super::set::SetArguments;
 use super::shell;
-use crate::config::{ConfigError, DeliveryKind, FolderPaths, Sku, Station};
+use crate::config::{ConfigError, DeliveryKind, FolderPaths, JobSettings, Sku, Station, TilesAs};
 use crate::files::{temporary, write_whole};
 use crate::hotfolder::{self, UsedFolder};
 use crate::pipeline::{check_fixed_codes, misspelt_fields};
 use crate::printable::on_one_line;
-use crate::reason::Reason;
+use crate::reason::{Notice, Reason};
 use crate::report::LensTableReport;
 
 #[derive(Debug, Args)]
@@ -42,10 +42,15 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     let station = Station::load_with(&arguments.station, &arguments.set.of_station()?)?;
     share_is_there(&station, UsedFolder::Skus)?;
     share_is_there(&station, UsedFolder::Cache)?;
+    let mut without_effect = Vec::from_iter(tiles_as_files(&arguments.station, &station.settings));
     let (mut mistakes, mut checked) = (Vec::new(), BTreeMap::new());
     for path in sku_files(&station.folders.skus)? {
         match check_sku_file(&station, &path) {
-            Ok(sku) => {
+            Ok((sku, settings)) => {
+                // A SKU has what the station has.
+                if station.settings.rotary.written_as != TilesAs::Files {
+                    without_effect.extend(tiles_as_files(&path, &settings));
+                }
                 if let Some(other) = checked.insert(sku, path.clone()) {
                     mistakes.push(ConfigError::Twice { file: path, other }.into());
                 }
@@ -88,6 +93,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         );
     }
     let mut notices = misspelt_fields(&station.settings.content);
+    notices.extend(without_effect);
     if let Some(lens) = station.settings.optics.lens.measured() {
         let table = LensTableReport::from(lens.residuals());
         print(&format!("  lens table  {}\n", table.summary()));
@@ -147,7 +153,19 @@ fn sku_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-fn check_sku_file(station: &Station, path: &Path) -> Result<Sku, Failure> {
+/// Warns of tiles in files of their own, which a station does not write.
+fn tiles_as_files(file: &Path, settings: &JobSettings) -> Option<Notice> {
+    (settings.rotary.written_as == TilesAs::Files).then(|| {
+        let message = format!(
+            "`as = \"files\"` under [rotary] in {} has no effect in a station, which delivers the tiles as layers of one file: remove \
+             it, or write the files with `isomark correct --station`",
+            file.display()
+        );
+        Notice::warning("tiles-as-unused", message)
+    })
+}
+
+fn check_sku_file(station: &Station, path: &Path) -> Result<(Sku, JobSettings), Failure> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let sku = stem
         .parse::<Sku>()
@@ -157,7 +175,7 @@ fn check_sku_file(station: &Station, path: &Path) -> Result<Sku, Failure> {
     let settings = station.settings.overridden_by(path, &text)?;
     check_fixed_codes(&settings.content)
         .map_err(|reason| Failure::new(Exit::Usage, reason.in_file(path.display().to_string())))?;
-    Ok(sku)
+    Ok((sku, settings))
 }
 
 pub(super) fn init(arguments: &InitArguments) -> Outcome {

@@ -46,7 +46,11 @@ impl ContentArguments {
             let (field, value) = given.split_once('=').ok_or_else(|| wrong("gives no value"))?;
             match field.split_once('.') {
                 None if field == "serial" => {
-                    values.serial = Some(value.parse().map_err(|_| wrong("gives no whole number"))?);
+                    values.serial = Some(
+                        value
+                            .parse()
+                            .map_err(|_| wrong(&format!("gives no whole number from 0 to {}", u64::MAX)))?,
+                    );
                 }
                 None if field == "shift" => values.shift = Some(value.into()),
                 Some(("csv", column)) if !column.is_empty() => {

@@ -11,7 +11,7 @@ use super::named_files::{
 };
 use super::outcome::{Failure, Outcome, print_json, tell};
 use super::rotary::{RotaryArguments, write_tiles};
-use super::set::{add_options, useless_to_a_job};
+use super::set::{add_options, refuse_without_steps, useless_to_a_job, without_effect};
 use crate::config::{Overrides, Tiles, TilesAs};
 use crate::files::read_if_there;
 use crate::formats::mesh::MeshFormat;
@@ -114,6 +114,15 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         (None, Some(list)) => return arguments.run_list(list),
         (None, None) => return Err(Failure::usage("No drawing to write is named.", "Name it with `--out`.")),
     };
+    // clap drops the requirement, because `--out` and the list that is missing exclude each other.
+    if arguments.out_dir.is_some() {
+        let why = "it is for the drawings of a list";
+        return Err(without_effect(
+            "--out-dir",
+            why,
+            "Remove it, or name the list with `--list` instead of `--out`.",
+        ));
+    }
     let named = [
         ("--out", Some(out)),
         ("--report", arguments.report.as_ref()),
@@ -145,6 +154,9 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let previous = replaced(out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
+    if arguments.step_files {
+        refuse_without_steps("--step-files", settings)?;
+    }
     let with_pictures = pictures.iter().any(|(_, file, ..)| file.is_some()) || arguments.xyz.is_some();
     let input = PatternInput { name: &name_of(pattern)?, bytes: drawing, previous: previous.as_deref() };
     let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;

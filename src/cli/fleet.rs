@@ -44,16 +44,16 @@ enum Verb {
         #[command(flatten)]
         place: Place,
         /// Removes fits that no station used for this number of days, unless they are of the current part of a SKU.
-        #[arg(long, value_name = "DAYS", group = "which", value_parser = parse_amount)]
+        #[arg(long, value_name = "DAYS", group = "which", allow_hyphen_values = true, value_parser = parse_amount)]
         unused_days: Option<f64>,
         /// Removes the fits that were used longest ago until all together have this size.
-        #[arg(long, value_name = "GB", group = "which", value_parser = parse_amount)]
+        #[arg(long, value_name = "GB", group = "which", allow_hyphen_values = true, value_parser = parse_amount)]
         max_gb: Option<f64>,
         /// Removes the fit with this key.
         #[arg(long, value_name = "KEY", group = "which")]
         fit: Option<String>,
         /// Removes jobs for other lines that ended this number of days ago.
-        #[arg(long, value_name = "DAYS", group = "which", value_parser = parse_amount)]
+        #[arg(long, value_name = "DAYS", group = "which", allow_hyphen_values = true, value_parser = parse_amount)]
         ended_days: Option<f64>,
         /// Removes a station that no longer exists. Its name is then free for another login.
         #[arg(long, value_name = "NAME", group = "which")]

@@ -12,7 +12,10 @@ use super::named_files::{apart, name_of, read_file, read_part, write_file};
 use super::options::{MeaningArguments, ScanArguments};
 use super::outcome::{Failure, Outcome, print, print_json};
 use super::progress::ProgressLine;
-use super::set::{SetArguments, add_options, refuse_options_of_other_formats, useless_to_an_inspection};
+use super::set::{
+    SetArguments, add_options, refuse_options_of_other_formats, refuse_options_of_the_other,
+    useless_to_an_inspection,
+};
 use crate::config::{IncidenceLimits, JobSettings, Losses, Overrides, PartSettings, parse_facing};
 use crate::cores::Cores;
 use crate::formats;
@@ -20,7 +23,7 @@ use crate::formats::mesh::{
     self, FaceKind, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
     SideFacts,
 };
-use crate::formats::pattern::{self, PatternFacts, PatternReadError};
+use crate::formats::pattern::{self, PatternFacts, PatternReadError, Skipped};
 use crate::formats::surface::SurfaceFormat;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::sides::{SIDES, Side, SideHeights};
@@ -33,7 +36,7 @@ use crate::printable::on_one_line;
 use crate::reason::{Notice, Severity};
 use crate::report_html::sides_html;
 
-/// Skipped entities are listed one by one up to this number.
+/// Lost and skipped entities are listed one by one up to this number each.
 const MOST_LISTED: usize = 12;
 
 #[derive(Debug, Args)]
@@ -90,6 +93,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     at(Step::Read);
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
+            refuse_options_of_the_other(&overrides, &name, true)?;
             let options = MeshOptions {
                 unit: settings.part.unit,
                 up: settings.part.up,
@@ -168,6 +172,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
                 }
                 error => Failure::rejected(error.reason_for(&name)),
             })?;
+            refuse_options_of_the_other(&overrides, &name, false)?;
             let lost = lost_ink(&reading.facts).filter(|_| settings.losses == Losses::Refuse);
             reading.facts.notices.extend(lost);
             let text = pattern_text(&name, &reading.facts, &reading.pattern);
@@ -495,10 +500,19 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
     let contours = pattern.paths.iter().filter(|path| path.is_contour()).count();
     let plural = if pattern.paths.len() == 1 { "" } else { "s" };
     line(&mut text, "to mark", &format!("{} path{plural}, {contours} of them closed", pattern.paths.len()));
-    for (entity, layers) in &facts.entities {
-        let by_layer: Vec<String> =
-            layers.iter().map(|(layer, count)| format!("{count} on {layer}")).collect();
-        line(&mut text, "", &format!("{entity}: {}", by_layer.join(", ")));
+    let marked: Vec<(&String, usize)> = facts
+        .layers
+        .iter()
+        .filter(|(_, found)| found.paths > 0)
+        .map(|(layer, found)| (layer, found.paths))
+        .collect();
+    if marked.len() > 1 {
+        line(&mut text, "", &by_layer(marked.into_iter()));
+    }
+    for (index, (entity, layers)) in facts.entities.iter().enumerate() {
+        let label = if index == 0 { "contains" } else { "" };
+        let counts = by_layer(layers.iter().map(|(layer, count)| (layer, *count)));
+        line(&mut text, label, &format!("{entity}: {counts}"));
     }
     for (layer, found) in facts.layers.iter().filter(|(_, found)| found.hidden.is_some()) {
         line(
@@ -507,26 +521,29 @@ fn pattern_text(name: &str, facts: &PatternFacts, pattern: &Pattern) -> String {
             &format!("layer {layer} is {}", found.hidden.as_deref().unwrap_or_default()),
         );
     }
-    for left in facts.skipped.iter().take(MOST_LISTED) {
-        let handle = left.handle.as_deref().unwrap_or("without handle");
-        line(
-            &mut text,
-            "SKIPPED",
-            &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why),
-        );
-    }
-    if facts.skipped.len() > MOST_LISTED {
-        line(
-            &mut text,
-            "SKIPPED",
-            &format!("and {} more; --json lists all", facts.skipped.len() - MOST_LISTED),
-        );
+    let (lost, skipped): (Vec<&Skipped>, Vec<&Skipped>) = facts.skipped.iter().partition(|left| left.is_ink);
+    for (label, entities) in [("LOST", lost), ("skipped", skipped)] {
+        for left in entities.iter().take(MOST_LISTED) {
+            let handle = left.handle.as_deref().unwrap_or("without handle");
+            line(
+                &mut text,
+                label,
+                &format!("{} {handle} on layer {}: {}", left.entity, left.layer, left.why),
+            );
+        }
+        if entities.len() > MOST_LISTED {
+            line(&mut text, label, &format!("and {} more; --json lists all", entities.len() - MOST_LISTED));
+        }
     }
     for repair in &facts.repairs {
         line(&mut text, "repaired", &repair.notice.message);
     }
     notices(&mut text, facts.notices.iter());
     text
+}
+
+fn by_layer<'l>(counts: impl Iterator<Item = (&'l String, usize)>) -> String {
+    counts.map(|(layer, count)| format!("{count} on {layer}")).collect::<Vec<_>>().join(", ")
 }
 
 fn notices<'a>(text: &mut String, notices: impl Iterator<Item = &'a Notice>) {

@@ -9,7 +9,9 @@ use super::named_files::{cache_of, known_cache, name_of, read_file, read_part, s
 use super::options::{MeaningArguments, ScanArguments, parse_sku};
 use super::outcome::Failure;
 use super::progress::ProgressLine;
-use super::set::{SetArguments, add_list, add_options, refuse_options_of_other_formats};
+use super::set::{
+    SetArguments, add_list, add_options, refuse_options_of_other_formats, refuse_options_of_what_is_off,
+};
 use crate::config::{JobSettings, LiveSettings, Overrides, PartShape, Sku, Verify};
 use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::UsedFolder;
@@ -150,6 +152,7 @@ impl JobArguments {
         self.content.add_to(&mut settings)?;
         let drawing = read_file(pattern)?;
         refuse_options_of_other_formats(&of_job, &name_of(pattern)?, &drawing)?;
+        refuse_options_of_what_is_off(&of_job, &settings)?;
         let station = live.as_ref().map(LiveSettings::station);
         // Only a part that is not given must have been kept.
         let cache = match part.is_some() || settings.part.primitive.is_some() {

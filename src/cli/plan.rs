@@ -20,7 +20,7 @@ pub(super) struct PlanArguments {
     /// The corrected drawing (.dxf).
     drawing: PathBuf,
     /// Speed of the belt, mm/s.
-    #[arg(long, value_name = "MM/S", value_parser = above_zero)]
+    #[arg(long, value_name = "MM/S", allow_hyphen_values = true, value_parser = above_zero)]
     speed: f64,
     /// Direction of the belt in the field: x (default), -x, y, -y.
     #[arg(long, value_name = "AXIS", default_value = "x", allow_hyphen_values = true, value_parser = ["x", "-x", "y", "-y"])]
@@ -29,28 +29,28 @@ pub(super) struct PlanArguments {
     #[arg(long, value_name = "FILE")]
     station: Option<PathBuf>,
     /// Width and height of the field, mm; needed without `--station`.
-    #[arg(long, value_name = "W,H", value_delimiter = ',', num_args = 1, value_parser = above_zero)]
+    #[arg(long, value_name = "W,H", value_delimiter = ',', num_args = 1, allow_hyphen_values = true, value_parser = above_zero)]
     field: Option<Vec<f64>>,
     /// Distance from one product to the next, mm.
-    #[arg(long, value_name = "MM", value_parser = above_zero)]
+    #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = above_zero)]
     pitch: Option<f64>,
     /// Time from the scan of a product to its corrected drawing, s: for the lead distance.
-    #[arg(long, value_name = "S", value_parser = above_zero)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = above_zero)]
     correction_time: Option<f64>,
     /// Speed at which lines are marked, mm/s.
-    #[arg(long, value_name = "MM/S", default_value = "1000", value_parser = above_zero)]
+    #[arg(long, value_name = "MM/S", default_value = "1000", allow_hyphen_values = true, value_parser = above_zero)]
     marking_speed: f64,
     /// Speed of jumps between lines, mm/s.
-    #[arg(long, value_name = "MM/S", default_value = "4000", value_parser = above_zero)]
+    #[arg(long, value_name = "MM/S", default_value = "4000", allow_hyphen_values = true, value_parser = above_zero)]
     jump_speed: f64,
     /// Time after each jump, ms.
-    #[arg(long, value_name = "MS", default_value = "0.3", value_parser = not_negative)]
+    #[arg(long, value_name = "MS", default_value = "0.3", allow_hyphen_values = true, value_parser = not_negative)]
     jump_delay: f64,
     /// Time to switch the laser on and off for each line, ms.
-    #[arg(long, value_name = "MS", default_value = "0.2", value_parser = not_negative)]
+    #[arg(long, value_name = "MS", default_value = "0.2", allow_hyphen_values = true, value_parser = not_negative)]
     line_delay: f64,
     /// Time at each corner of a line, ms.
-    #[arg(long, value_name = "MS", default_value = "0.01", value_parser = not_negative)]
+    #[arg(long, value_name = "MS", default_value = "0.01", allow_hyphen_values = true, value_parser = not_negative)]
     corner_delay: f64,
     /// Prints the plan as JSON.
     #[arg(long)]
@@ -224,6 +224,14 @@ fn document(drawing: String, belt: &Belt, plan: &BeltPlan, arguments: &PlanArgum
             "Split lines longer than the field: one spans {:.2} mm along the belt, and the field is {:.2} mm long.",
             plan.longest, belt.field
         )),
+        (false, Some(fastest)) if plan.sections.iter().any(|section| section.too_short.is_some()) => {
+            let slow = plan.sections.iter().filter_map(|section| Some((section.time, section.too_short?)));
+            let (time, left) = slow.max_by(|a, b| (a.0 - a.1).total_cmp(&(b.0 - b.1))).unwrap_or_default();
+            Some(format!(
+                "Slow the belt to at most {fastest:.2} mm/s, mark faster, or split long lines: one line takes {time:.4} s, and is in the \
+                 field for {left:.4} s."
+            ))
+        }
         (false, Some(fastest)) => Some(format!(
             "Slow the belt to at most {fastest:.2} mm/s, or divide the drawing between {} lasers as in the sections.",
             plan.sections.len()

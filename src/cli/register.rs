@@ -61,7 +61,7 @@ pub(super) struct RegisterArguments {
     #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = parse_coordinate)]
     z: Option<f64>,
     /// Standard deviation of one observation in the field, mm. Used while the observations are too few to show it.
-    #[arg(long, value_name = "MM", default_value_t = 0.1, value_parser = parse_reading)]
+    #[arg(long, value_name = "MM", default_value_t = 0.1, allow_hyphen_values = true, value_parser = parse_reading)]
     reading: f64,
     /// Writes the part's outline as a drawing, seen through the lens: marked on a plate, the part can be put into it. With pairs, for the pose that is found; otherwise for that of the settings.
     #[arg(long, value_name = "FILE.dxf", requires = "part")]

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::outcome::{Failure, Outcome};
-use crate::config::Overrides;
+use crate::config::{FocusSteps, JobSettings, Overrides, Tiles};
 use crate::formats::pattern;
 
 /// The option that gives any setting.
@@ -105,15 +105,65 @@ pub(super) fn refuse_options_of_other_formats(overrides: &Overrides, name: &str,
             ("pattern.strokes", "a DXF") => ("has widths only on polylines", "Remove it."),
             _ => continue,
         };
-        // The value of a short option is of no use in the message.
-        let typed =
-            if option.starts_with("--set ") { option } else { option.split(' ').next().unwrap_or(option) };
-        return Err(Failure::usage(
-            format!("`{typed}` has no effect: {name} is {format}, which {why}."),
-            remedy,
-        ));
+        let why = format!("{name} is {format}, which {why}");
+        return Err(without_effect(option, &why, remedy));
     }
     Ok(())
+}
+
+/// Refuses options that have no effect, because another setting switches off what they change. Settings in files are for
+/// all drawings and are not checked.
+pub(super) fn refuse_options_of_what_is_off(overrides: &Overrides, settings: &JobSettings) -> Outcome {
+    for (setting, option) in overrides.names() {
+        let (why, remedy) = match setting.split_once('.') {
+            Some(("rotary", key)) if key != "tiles" && settings.rotary.tiles == Tiles::Off => {
+                ("the mark is not divided into tiles", "Remove it, or add `--rotary`.")
+            }
+            Some(("focus", key)) if key != "steps" && settings.focus.steps == FocusSteps::Off => {
+                (WITHOUT_STEPS, ADD_STEPS)
+            }
+            Some(("fill", key)) if key != "spacing_mm" && settings.fill.spacing.is_none() => {
+                ("nothing is filled", "Remove it, or add `--fill` with the distance of the lines.")
+            }
+            _ => continue,
+        };
+        return Err(without_effect(option, why, remedy));
+    }
+    Ok(())
+}
+
+/// Why options of steps of focus have no effect.
+const WITHOUT_STEPS: &str = "the drawing is not divided into steps of focus";
+const ADD_STEPS: &str = "Remove it, or add `--set focus.steps=layers`.";
+
+/// Refuses an option of the steps of focus of a drawing that is not divided into them.
+pub(super) fn refuse_without_steps(option: &str, settings: &JobSettings) -> Outcome {
+    match settings.focus.steps {
+        FocusSteps::Off => Err(without_effect(option, WITHOUT_STEPS, ADD_STEPS)),
+        FocusSteps::Layers => Ok(()),
+    }
+}
+
+/// Refuses an option that was typed.
+pub(super) fn without_effect(option: &str, why: &str, remedy: &str) -> Failure {
+    // The value of a short option is of no use in the message.
+    let typed = match option.starts_with("--set ") {
+        true => option,
+        false => option.split(' ').next().unwrap_or(option),
+    };
+    Failure::usage(format!("`{typed}` has no effect: {why}."), remedy)
+}
+
+/// Refuses options of drawings for the part `name`, or options of parts for the drawing `name`.
+pub(super) fn refuse_options_of_the_other(overrides: &Overrides, name: &str, is_part: bool) -> Outcome {
+    let (table, why) = match is_part {
+        true => ("pattern.", "is a part, and it is for drawings"),
+        false => ("part.", "is a drawing, and it is for parts"),
+    };
+    match overrides.names().find(|(setting, _)| setting.starts_with(table)) {
+        Some((_, option)) => Err(without_effect(option, &format!("{name} {why}"), "Remove it.")),
+        None => Ok(()),
+    }
 }
 
 /// Why a setting has no effect in a single job.

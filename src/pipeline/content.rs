@@ -108,6 +108,9 @@ fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
     let is_given = why.is_some_and(|why| !pattern::is_not_given(why));
     let remedy = match name.split(':').next().unwrap_or_default() {
         // The value cannot be shown as the field is written.
+        "serial" if why.is_some_and(|why| why.contains("is not known")) => {
+            "Write the field with a known format, such as {serial:06} for six digits or {serial} for any number".to_owned()
+        }
         "serial" if is_given => {
             "Write the field with room for all numbers, such as {serial:08} for eight digits or {serial} for any number; or give smaller \
              numbers"
@@ -141,7 +144,7 @@ fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
     };
     Reason::new(
         "content-missing",
-        format!("The field `{}` has no value: {}.", short(field), short(why.unwrap_or("none is given"))),
+        format!("The field `{}` has no value: {}.", short(field), why.unwrap_or("none is given")),
         remedy,
     )
 }

@@ -421,8 +421,8 @@ const CODES: &[Code] = &[
          vertices, and the reported errors are those on it. The number is how far it is above the middle of the facets. \
          The warning is given where facets leave the surface further, or turn more, than CAD programs let them when they cut a \
          round face. `correct` gives it only if the surface under the drawing is not a plane.",
-        "If the facets are meant as they are, set `normals = \"file\"` under [part] (`--normals file`), or `facets` if the file \
-         has no normals. If the part is round, export it from CAD as STEP or GLB, with smooth shading, or with finer facets; \
+        "If the facets are meant as they are, set `normals = \"facets\"` under [part] (`--normals facets`), or `file` if the file \
+         has smooth shapes, too. If the part is round, export it from CAD as STEP or GLB, with smooth shading, or with finer facets; \
          `normals = \"estimate\"` confirms that it is round.",
     ]),
     notice([
@@ -1422,7 +1422,7 @@ const CODES: &[Code] = &[
         "not-taken",
         "Some entities of the drawing are not marked.",
         "They are of a kind that cannot be converted to lines, are hidden, or draw nothing. The message lists the \
-         kinds, layers and causes; the report lists all. It is a warning if something that the file draws is \
+         kinds, layers and causes, those that the drawing shows first; the report lists all. It is a warning if something that the file draws is \
          missing in the mark.",
         "Check the list. Convert what must be marked to curves in the drawing program.",
     ]),
@@ -2277,6 +2277,13 @@ const CODES: &[Code] = &[
         "Texts were converted to the outlines or strokes of their letters.",
         "The laser marks lines, not texts. The corrected drawing contains the letters as curves.",
         "Check the texts in the preview.",
+    ]),
+    notice([
+        "tiles-as-unused",
+        "The tiles of a mark round the part are not written as files, although the settings ask for it.",
+        "A station delivers one drawing for each drop, with the tiles as its layers. `isomark check` names the file that sets \
+         `as = \"files\"` under [rotary].",
+        "Remove the setting. To get files, correct the drawing with `isomark correct --station`.",
     ]),
     reason([
         "too-much-ink",

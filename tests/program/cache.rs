@@ -114,4 +114,9 @@ fn the_cache_is_listed_verified_and_cleaned() {
     assert_eq!(cache(&["list"]).out, "");
     cache(&["remove", "a:b"]).refused(2, &["`a:b`", "what to do: Rename it"]);
     cache(&["remove"]).refused(2, &["Usage"]);
+    for verb in [&["list"][..], &["verify"], &["remove", "mouse"]] {
+        desk.isomark(&[&["cache"], verb, &["--cache", "nope"]].concat())
+            .refused(2, &["There is no folder", "nope", "`--cache`"]);
+    }
+    assert!(!desk.path("nope").exists());
 }

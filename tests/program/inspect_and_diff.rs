@@ -104,7 +104,7 @@ fn an_implausible_size_causes_a_warning() {
         "unusual size",
         "2 paths were drawn twice in the same place, and the copies were removed (first: LINE 8C)",
         "1 outline is open",
-        "SKIPPED    3DFACE 95 on layer 0",
+        "LOST       3DFACE 95 on layer 0",
     ] {
         assert!(text.contains(words), "{words}:\n{text}");
     }
@@ -116,9 +116,10 @@ fn a_drawing_is_described_with_entities_by_layer() {
     for words in [
         "34.00 x 20.00 mm",
         "$INSUNITS 4",
-        "4 paths, 3 of them closed",
-        "1 on CUT",
-        "2 on MARK",
+        "to mark    4 paths, 3 of them closed\n             1 on CUT, 3 on MARK\n",
+        "contains   CIRCLE: 1 on CUT, 1 on FROZEN, 2 on MARK, 1 on OFF\n             LINE: 1 on 0, 1 on CONSTRUCTION\n",
+        "skipped    CIRCLE 93 on layer FROZEN: its layer is frozen",
+        "skipped    CIRCLE 95 on layer MARK: it is invisible",
         "layer FROZEN is frozen",
         "paper space",
     ] {

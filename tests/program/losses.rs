@@ -123,7 +123,7 @@ fn evaluate_and_inspect_report_lost_ink() {
     let output = inspect(&[]);
     assert_eq!(output.code, 0);
     for words in [
-        "SKIPPED    TEXT 7E on layer MARK",
+        "LOST       TEXT 7E on layer MARK",
         "visible ink is lost",
         "`correct` and `watch` reject the drawing",
     ] {
@@ -132,7 +132,7 @@ fn evaluate_and_inspect_report_lost_ink() {
     let facts: Value = serde_json::from_str(&inspect(&["--json"]).out).unwrap();
     assert!(notices(&facts).contains(&"ink-lost"));
     let output = inspect(&["--losses", "warn"]);
-    assert!(output.out.contains("SKIPPED    TEXT 7E") && !output.out.contains("reject"), "{}", output.out);
+    assert!(output.out.contains("LOST       TEXT 7E") && !output.out.contains("reject"), "{}", output.out);
 }
 
 #[test]

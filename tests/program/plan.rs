@@ -73,6 +73,20 @@ fn a_belt_that_outruns_the_laser_gets_the_number_to_change() {
     assert!(close["remedy"].as_str().unwrap().contains(&format!("{least:.2} mm apart")));
 }
 
+/// At 2000 mm/s, a line is in the field of 100 mm for 50 ms; at 200 mm/s, it takes 100.5 ms.
+#[test]
+fn a_line_that_no_laser_can_mark_in_time_is_not_divided_between_lasers() {
+    let desk = Desk::new();
+    for lines in [&[0.0][..], &[0.0, 1.0]] {
+        desk.write("drawing.dxf", drawing(lines));
+        let words = "plan drawing.dxf --field 100,60 --marking-speed 200 --line-delay 0.5 --corner-delay 0 --speed 2000";
+        let words: Vec<&str> = words.split(' ').collect();
+        let text = desk.isomark(&words).out;
+        assert!(text.contains("one line takes 0.1005 s, and is in the field for 0.0500 s"), "{text}");
+        assert!(!text.contains("lasers") && !text.contains("-0.0"), "{text}");
+    }
+}
+
 #[test]
 fn senseless_numbers_are_refused() {
     let desk = Desk::new();
@@ -88,6 +102,15 @@ fn senseless_numbers_are_refused() {
         let line = format!("plan drawing.dxf {options}");
         let arguments: Vec<&str> = line.split_whitespace().collect();
         assert!(desk.isomark(&arguments).code != 0, "{options}");
+    }
+    for option in ["--speed", "--marking-speed", "--jump-delay", "--pitch"] {
+        let words = ["plan", "drawing.dxf", "--speed", "100", option, "-100"];
+        let words: Vec<&str> = if option == "--speed" {
+            words[..2].iter().chain(&words[4..]).copied().collect()
+        } else {
+            words.to_vec()
+        };
+        desk.isomark(&words).refused(2, &[&format!("'-100' for '{option}"), "give a number"]);
     }
     desk.isomark(&["plan", "drawing.dxf", "--speed", "100", "--field", "100,15"])
         .refused(1, &["20", "15", "across"]);

@@ -425,6 +425,80 @@ fn options_of_pictures_are_refused_for_a_dxf() {
     desk.correct(&mouse, &abc, "--place 0,8 --station station.toml --sku mouse");
 }
 
+/// An option is refused if the typed options and the files leave nothing for it to change.
+#[test]
+fn options_of_what_is_switched_off_are_refused() {
+    let desk = Desk::new();
+    let abc = drawing("abc");
+    let station = "[station]\nname = \"a\"\n[folders]\nhot = \"hot\"\nimport = \"import\"\n[field]\nwidth_mm = 110\n\
+                   height_mm = 110\n[focus]\nstep_mm = 1\n[fill]\nborder_mm = 0.1\n[rotary]\noverlap_mm = 1\n";
+    desk.write("station.toml", station);
+    let correct = |options: &str| {
+        let words = format!(
+            "correct {abc} --cylinder 120,120 --place 0,0 --out out.dxf --station station.toml {options}"
+        );
+        desk.isomark(&words.split_whitespace().collect::<Vec<_>>())
+    };
+    let tiles = ["the mark is not divided into tiles", "what to do: Remove it, or add `--rotary`."];
+    let steps =
+        ["not divided into steps of focus", "what to do: Remove it, or add `--set focus.steps=layers`."];
+    let fill = ["nothing is filled", "what to do: Remove it, or add `--fill`"];
+    let list = ["it is for the drawings of a list", "what to do: Remove it, or name the list with `--list`"];
+    for (typed, option, words) in [
+        ("--overlap 2", "--overlap", tiles),
+        ("--max-tile 20", "--max-tile", tiles),
+        ("--reverse", "--reverse", tiles),
+        ("--tiles-as files", "--tiles-as", tiles),
+        ("--rotary=off --tiles-as files", "--tiles-as", tiles),
+        ("--set rotary.overlap_mm=2", "--set rotary.overlap_mm=2", tiles),
+        ("--step-files", "--step-files", steps),
+        ("--set focus.step_mm=2", "--set focus.step_mm=2", steps),
+        ("--set fill.angle_deg=30", "--set fill.angle_deg=30", fill),
+        ("--out-dir results", "--out-dir", list),
+    ] {
+        let output = correct(typed);
+        output.refused(2, &[&format!("`{option}` has no effect: ")]);
+        output.refused(2, &words);
+        assert!(!desk.path("out.dxf").exists(), "{typed}");
+    }
+    // Settings in files are for all drawings, and what is switched on makes use of the options.
+    for typed in [
+        "",
+        "--rotary --overlap 2",
+        "--fill 1 --set fill.angle_deg=30",
+        "--set focus.steps=layers --step-files",
+    ] {
+        correct(typed).refused(0, &[]);
+    }
+    desk.write("station.toml", format!("{station}tiles = \"auto\"\n"));
+    correct("--reverse").refused(0, &[]);
+}
+
+#[test]
+fn options_for_parts_and_for_drawings_are_not_mixed_up() {
+    let desk = Desk::new();
+    let (mouse, abc) = (part(MOUSE), drawing("abc"));
+    let (for_drawings, for_parts) =
+        ("is a part, and it is for drawings", "is a drawing, and it is for parts");
+    for (file, typed, words) in [
+        (&mouse, "--width 20", for_drawings),
+        (&mouse, "--pattern-unit mm", for_drawings),
+        (&mouse, "--strokes band", for_drawings),
+        (&mouse, "--threshold 40", for_drawings),
+        (&mouse, "--space paper", for_drawings),
+        (&mouse, "--set pattern.strict=true", for_drawings),
+        (&abc, "--facing=-y", for_parts),
+        (&abc, "--normals file", for_parts),
+        (&abc, "--bridge 3", for_parts),
+        (&abc, "--smoothing none", for_parts),
+    ] {
+        let words_typed: Vec<&str> = typed.split(' ').collect();
+        let output = desk.isomark(&[&["inspect", file][..], &words_typed].concat());
+        let option = if typed.starts_with("--set") { typed } else { typed.split([' ', '=']).next().unwrap() };
+        output.refused(2, &[&format!("`{option}` has no effect: "), words, "what to do: Remove it."]);
+    }
+}
+
 #[test]
 fn only_a_drawing_is_replaced() {
     let desk = Desk::new();
@@ -736,6 +810,7 @@ fn a_station_whose_share_is_not_mounted() {
     let listed = desk.isomark(&["cache", "--station", "station.toml", "list"]);
     assert_eq!(listed.code, 0, "{}", listed.err);
     seen_on_a_share("cache");
+    std::fs::create_dir(desk.path("mine")).unwrap();
     let listed = desk.isomark(&["cache", "--station", "station.toml", "--cache", "mine", "list"]);
     assert_eq!(listed.code, 0, "{}", listed.err);
 }

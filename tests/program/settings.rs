@@ -313,6 +313,15 @@ fn a_station_is_checked_with_the_settings_of_the_command_line() {
         output.code == 0 && output.out.starts_with("Line 2: ") && output.out.contains("elsewhere"),
         "{output:?}"
     );
+    // A station delivers tiles as layers.
+    desk.write("skus/can.toml", "[rotary]\nas = \"files\"\n");
+    let output = check(&["folders.import=elsewhere"]);
+    assert!(output.code == 0 && output.out.matches("[tiles-as-unused]").count() == 1, "{output:?}");
+    assert!(output.out.contains("can.toml has no effect in a station"), "{output:?}");
+    let output = check(&["folders.import=elsewhere", "rotary.as=files"]);
+    assert!(output.out.contains("[rotary] in station.toml has no effect"), "{output:?}");
+    assert_eq!(output.out.matches("[tiles-as-unused]").count(), 1, "{output:?}");
+    desk.write("skus/can.toml", "[rotary]\nas = \"layers\"\n");
     check(&["watch.jobs=1"]).refused(
         2,
         &["`watch.jobs` cannot be 1 jobs", "where:      --set watch.jobs=1", "from 2 to 64 jobs"],

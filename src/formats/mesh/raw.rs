@@ -458,7 +458,8 @@ fn understood_mesh(
             .into_iter()
             .filter(|rounding| is_rounded && is_notable(rounding))
             .max_by(|one, other| one.bulge.total_cmp(&other.bulge)),
-        keeps_facets: if *found == NormalsFound::None { "facets" } else { "file" },
+        // Only a file with smooth bodies, too, has normals that keep them smooth.
+        keeps_facets: if *found == NormalsFound::Smooth { "file" } else { "facets" },
         has_flat_facets: !turns.is_empty(),
         cracks,
         winding,

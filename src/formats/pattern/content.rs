@@ -17,6 +17,8 @@ use crate::reason::Notice;
 const LONGEST: usize = 200;
 /// Most notices about texts that are no fields.
 const MOST_NOTICES: usize = 20;
+/// Most columns of a list that a message names.
+const MOST_COLUMNS: usize = 20;
 /// Most digits of a serial number.
 const MOST_DIGITS: usize = 20;
 /// The names of fields.
@@ -240,8 +242,15 @@ fn misspelt(text: &str, close: &str) -> Option<String> {
     let given = name.trim().to_lowercase();
     // Of three letters, another one makes another word.
     let is_near = |known: &&&str| given == **known || known.len() > 3 && differs_once(&given, known);
-    let known = NAMES.iter().find(is_near)?;
-    let argument = argument.filter(|argument| !argument.is_empty());
+    let known = *NAMES.iter().find(is_near)?;
+    let is_known = |argument: &&str| match known {
+        "serial" => serial(0, Some(argument)).is_ok(),
+        "date" => date(Moment(NaiveDateTime::default()), argument).is_ok(),
+        "csv" => true,
+        _ => false,
+    };
+    let argument = argument.filter(|argument| !argument.is_empty()).filter(is_known);
+    let argument = argument.or_else(|| (known == "csv").then_some("COLUMN"));
     Some(argument.map_or_else(|| format!("{{{known}}}"), |argument| format!("{{{known}:{argument}}}")))
 }
 
@@ -318,8 +327,13 @@ fn value(field: &str, content: &Content) -> Result<String, String> {
             None => Err(match content.row.is_empty() {
                 true => format!("no value of the column `{column}` is given"),
                 false => {
-                    let columns: Vec<&str> = content.row.keys().take(20).map(String::as_str).collect();
-                    format!("there is no column `{column}`; the columns are {}", columns.join(", "))
+                    let columns: Vec<&str> =
+                        content.row.keys().take(MOST_COLUMNS).map(String::as_str).collect();
+                    let more = match content.row.len() - columns.len() {
+                        0 => String::new(),
+                        more => format!(" and {more} more"),
+                    };
+                    format!("there is no column `{column}`; the columns are {}{more}", columns.join(", "))
                 }
             })?,
         },
@@ -475,6 +489,13 @@ mod tests {
             ("{serial:}", Some("{serial}")),
             ("{seria}{datum}", Some("{serial}")),
             ("{CSV:LOT}", Some("{csv:LOT}")),
+            // What is proposed is a field.
+            ("{csv:}", Some("{csv:COLUMN}")),
+            ("{CSV}", Some("{csv:COLUMN}")),
+            ("{Serial:6}", Some("{serial}")),
+            ("{Date:dd.MM.yyyy}", Some("{date}")),
+            ("{Date:%d.%m.%Y}", Some("{date:%d.%m.%Y}")),
+            ("{Shift:early}", Some("{shift}")),
             ("{dates}", Some("{date}")),
             ("{lot} {} {serie} {sky} {cst:LOT} {{serial}} {serial}", None),
         ] {

@@ -130,8 +130,9 @@ pub(super) fn drawing_notices(repaired: &Repaired, facts: &mut PatternFacts) {
     if !facts.skipped.is_empty() {
         // Entities that draw nothing are mentioned only if nothing else is missing.
         let is_loss = facts.skipped.iter().any(|skipped| skipped.is_loss);
-        let reported: Vec<&Skipped> =
+        let mut reported: Vec<&Skipped> =
             facts.skipped.iter().filter(|skipped| skipped.is_loss == is_loss).collect();
+        reported.sort_by_key(|skipped| !skipped.is_ink);
         let mut reasons: Vec<(&str, &str, &str)> = Vec::new();
         for skipped in &reported {
             let reason = (skipped.entity.as_str(), skipped.layer.as_str(), skipped.why.as_ref());
@@ -148,7 +149,13 @@ pub(super) fn drawing_notices(repaired: &Repaired, facts: &mut PatternFacts) {
             first.push("and others".into());
         }
         let count = counted(reported.len(), "entity is", "entities are");
-        let message = format!("{count} not marked ({})", first.join("; "));
+        let shown = reported.iter().filter(|skipped| skipped.is_ink).count();
+        let of_them = match shown {
+            0 => String::new(),
+            _ if shown == reported.len() => String::new(),
+            _ => format!("; the drawing shows {shown} of them"),
+        };
+        let message = format!("{count} not marked{of_them} ({})", first.join("; "));
         let notice = if is_loss { Notice::warning } else { Notice::note };
         facts.notices.push(notice("not-taken", message));
     }

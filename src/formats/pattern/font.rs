@@ -22,6 +22,11 @@ const STROKES: &str = include_str!("../../../fonts/hershey-simplex.txt");
 /// Height of a capital of the stroke font, in its units.
 const STROKE_CAPITAL: f64 = 21.0;
 
+/// Heights of the outline font in ems: of its tables `hhea`, and of an `x`.
+pub(super) const ASCENDER: f64 = 1901.0 / 2048.0;
+pub(super) const DESCENDER: f64 = 483.0 / 2048.0;
+pub(super) const X_HEIGHT: f64 = 1120.0 / 2048.0;
+
 /// A font that a drawing names, and the one that was used instead.
 pub(super) type FontUse = (Rc<str>, Typeface);
 
@@ -358,6 +363,16 @@ mod tests {
         assert_eq!(Typeface::Outline.set(&[('f', false), ('i', false)], true).len(), 2);
         let stroke = Typeface::Stroke.set(&[('A', false), ('V', true)], true);
         assert_eq!(stroke[0].glyph.advance, Typeface::Stroke.glyph('A').unwrap().advance);
+    }
+
+    #[test]
+    fn heights_are_those_of_the_font() {
+        let face = FACE.as_ref().unwrap();
+        let em = f64::from(face.units_per_em());
+        assert_eq!(ASCENDER * em, f64::from(face.ascender()));
+        assert_eq!(DESCENDER * em, -f64::from(face.descender()));
+        let x = face.glyph_bounding_box(face.glyph_index('x').unwrap()).unwrap();
+        assert_eq!(X_HEIGHT * em, f64::from(x.y_max));
     }
 
     #[test]

@@ -73,6 +73,8 @@ pub struct Section {
     pub along: [f64; 2],
     /// Time for its lines, jumps and delays, s.
     pub time: f64,
+    /// How long a line that no laser can mark in time is in the field as a whole, s.
+    pub too_short: Option<f64>,
 }
 
 impl Belt {
@@ -89,7 +91,9 @@ impl Belt {
 
         let marked: f64 = lines.iter().map(|line| line.length).sum();
         let pairs = || order.windows(2).map(|pair| (lines[pair[0]], lines[pair[1]]));
-        let jumped: f64 = pairs().map(|(from, to)| (to.ends[0] - from.ends[1]).norm()).sum();
+        // From 0, because `sum` makes -0 of nothing.
+        let jumped =
+            pairs().map(|(from, to)| (to.ends[0] - from.ends[1]).norm()).fold(0.0, |sum, jump| sum + jump);
         let delays = lines.iter().map(|line| self.line_delay + line.corners as f64 * self.corner_delay);
         let delays = delays.sum::<f64>() + self.jump_delay * (lines.len() - 1) as f64;
         let times = [marked / self.marking_speed, jumped / self.jump_speed, delays];
@@ -185,7 +189,9 @@ impl Belt {
                 along = [along[0].min(line.along[0]), along[1].max(line.along[1])];
                 before = Some(line);
             }
-            sections.push(Section { paths: now.to_vec(), along, time });
+            let is_in_time = self.done(lines, now, front).is_some();
+            let too_short = (!is_in_time).then(|| (self.field - (along[1] - along[0])) / self.speed);
+            sections.push(Section { paths: now.to_vec(), along, time, too_short });
             rest = later;
         }
         sections
@@ -271,8 +277,27 @@ mod tests {
         // In one second, a laser marks 39 lines and 38 jumps, and 40 are too many.
         let counts: Vec<usize> = plan.sections.iter().map(|section| section.paths.len()).collect();
         assert_eq!(counts, [39, 39, 39, 39, 39, 5]);
+        assert!(plan.sections.iter().all(|section| section.too_short.is_none()));
         let slower = Belt { speed: plan.fastest.unwrap() * 0.999, ..belt() };
         assert_eq!(slower.plan(&drawing).unwrap().sections.len(), 1);
+    }
+
+    /// At 10000 mm/s, a line is in a field of 100 mm for 10 ms; it takes 20.5 ms.
+    #[test]
+    fn a_line_that_no_laser_can_mark_in_time_is_named() {
+        let fast = Belt { speed: 10_000.0, ..belt() };
+        for count in [1, 3] {
+            let plan = fast.plan(&across((0..count).map(f64::from))).unwrap();
+            let found: Vec<_> =
+                plan.sections.iter().map(|section| (section.time, section.too_short)).collect();
+            assert!(found.len() == count as usize, "{found:?}");
+            for (time, too_short) in found {
+                assert!((time - 0.0205).abs() < 1e-12 && (too_short.unwrap() - 0.01).abs() < 1e-12);
+            }
+        }
+        // No jump, with the sign of nothing.
+        let alone = fast.plan(&across([0.0])).unwrap();
+        assert!(alone.lengths[1].is_sign_positive() && alone.times[1].is_sign_positive());
     }
 
     #[test]

@@ -13,6 +13,7 @@ use roxmltree::{Document, Node, NodeType};
 use svgtypes::PaintFallback;
 
 use super::super::error::{EntityName, PatternReadError};
+use super::super::font::{ASCENDER, DESCENDER};
 use super::css::{self, Sheet};
 use super::document::attribute;
 use super::length::{Length, Scale, Unit, number_of};
@@ -123,6 +124,7 @@ pub(super) enum Baseline {
     Alphabetic,
     Middle,
     Central,
+    Mathematical,
     Hanging,
     Above,
     Below,
@@ -439,7 +441,7 @@ impl Sheets {
                 style.root_font_size = style.font_size;
             }
         }
-        if node.tag_name().name() != "tspan" {
+        if !matches!(node.tag_name().name(), "text" | "tspan" | "a") {
             style.raised = outer.raised;
         }
         let is_decoration =
@@ -513,7 +515,8 @@ fn baseline(value: &str) -> Option<Baseline> {
     match value {
         "auto" | "alphabetic" | "baseline" => Some(Baseline::Alphabetic),
         "middle" => Some(Baseline::Middle),
-        "central" | "mathematical" => Some(Baseline::Central),
+        "central" => Some(Baseline::Central),
+        "mathematical" => Some(Baseline::Mathematical),
         "hanging" => Some(Baseline::Hanging),
         "text-before-edge" | "before-edge" | "text-top" => Some(Baseline::Above),
         "text-after-edge" | "after-edge" | "text-bottom" | "ideographic" => Some(Baseline::Below),
@@ -864,10 +867,11 @@ impl Style {
             "letter-spacing" => set!(letter_spacing, spacing(self, word)),
             "word-spacing" => set!(word_spacing, spacing(self, word)),
             "baseline-shift" => {
-                // DejaVu Sans: the heights of subscripts and superscripts in its table OS/2.
+                // CSS leaves these heights open; in Chromium they are half the height of the element's own font.
+                let half = font_size * (ASCENDER + DESCENDER) / 2.0;
                 let shift = match word {
-                    "sub" => Some(-font_size * 286.0 / 2048.0),
-                    "super" => Some(font_size * 983.0 / 2048.0),
+                    "sub" => Some(-half),
+                    "super" => Some(half),
                     "top" | "center" | "bottom" => return Outcome::Unread,
                     word if word == "baseline" || source.is_some() => Some(0.0),
                     word => self.length(word, font_size),

@@ -8,7 +8,10 @@ use roxmltree::Node;
 
 use super::super::content::{FoundField, Syntax, expand};
 use super::super::error::PatternReadError;
-use super::super::font::{FontUses, Glyph, Typeface, composed, draws_nothing, missing_letters, substitute};
+use super::super::font::{
+    ASCENDER, DESCENDER, FontUses, Glyph, Typeface, X_HEIGHT, composed, draws_nothing, missing_letters,
+    substitute,
+};
 use super::document::attribute;
 use super::style::{Anchor, Baseline, Decoration, LetterCase, Style, is_svg};
 use super::walk::{Context, Missing, Walk, unread_length};
@@ -100,9 +103,8 @@ pub(super) fn draw<'a, 'd>(
         let (chunk, later) = rest.split_at(end.map_or(rest.len(), |end| end + 1));
         rest = later;
         let row = set(chunk);
-        // There is no room after the last letter.
-        let mut widths = -row.last().map_or(0.0, |last| spacing(last.letter));
-        widths += row.iter().map(|placed| placed.advance + placed.letter.shift[0]).sum::<f64>();
+        // As in browsers, the spacing after the last letter is a part of the text.
+        let widths = row.iter().map(|placed| placed.advance + placed.letter.shift[0]).sum::<f64>();
         for axis in 0..2 {
             pen[axis] = first.at[axis].unwrap_or(pen[axis]);
         }
@@ -116,7 +118,7 @@ pub(super) fn draw<'a, 'd>(
                 pen[axis] += letter.shift[axis];
             }
             let scale = letter.style.font_size / FACE.em();
-            let baseline = pen[1] + lift(&letter.style) * scale - letter.style.raised;
+            let baseline = pen[1] + lift(&letter.style) * letter.style.font_size - letter.style.raised;
             Bar::along(&mut bars, letter, [pen[0], pen[0] + advance], baseline);
             if !glyph.shapes.is_empty() {
                 let place = Affine {
@@ -141,18 +143,22 @@ pub(super) fn draw<'a, 'd>(
     Ok(())
 }
 
-/// How far the baseline is below the text's position, for capitals 1 high.
+/// How far the baseline is below the text's position, in ems. Fonts have no table of these lines; they are where Chromium
+/// draws them.
 fn lift(style: &Style) -> f64 {
     match style.baseline {
         Baseline::Alphabetic => 0.0,
-        // Half the height of an `x` of DejaVu Sans, and the middle between its ascender and its descender.
-        Baseline::Middle => 1120.0 / 1493.0 / 2.0,
-        Baseline::Central => 0.5,
-        Baseline::Hanging => 1.0,
-        Baseline::Above => 1901.0 / 1493.0,
-        Baseline::Below => -483.0 / 1493.0,
+        Baseline::Middle => X_HEIGHT / 2.0,
+        Baseline::Central => (ASCENDER - DESCENDER) / 2.0,
+        Baseline::Mathematical => ASCENDER / 2.0,
+        Baseline::Hanging => ASCENDER * 0.8,
+        Baseline::Above => ASCENDER,
+        Baseline::Below => -DESCENDER,
     }
 }
+
+/// Thickness of a line along letters, in ems.
+const BAR: f64 = 0.1;
 
 /// A line along letters.
 struct Bar<'a, 'd> {
@@ -182,16 +188,16 @@ impl<'a, 'd> Bar<'a, 'd> {
         }
     }
 
-    /// DejaVu Sans: its tables `post` and `OS/2`; the line over the letters is as thick as the one under them.
+    /// Chromium takes only the ascender from the font, not its lines in the tables `post` and `OS/2`.
     fn shape(&self) -> Shape {
-        let (top, thickness) = match self.kind {
-            Decoration::Underline => (-40.0, 90.0),
-            Decoration::Overline => (1901.0, 90.0),
-            Decoration::LineThrough => (530.0 + 51.0, 102.0),
+        let bottom = match self.kind {
+            Decoration::Underline => -BAR * 1.5,
+            Decoration::Overline => ASCENDER,
+            Decoration::LineThrough => ASCENDER / 3.0 - BAR / 2.0,
         };
-        let unit = self.style.font_size / 2048.0;
-        let ([left, right], top) = (self.along, self.baseline - top * unit);
-        let bottom = top + thickness * unit;
+        let em = self.style.font_size;
+        let ([left, right], bottom) = (self.along, self.baseline - bottom * em);
+        let top = bottom - BAR * em;
         let corners =
             [[left, top], [right, top], [right, bottom], [left, bottom]].map(|[x, y]| FlatPoint::new(x, y));
         let ends = corners.iter().zip(corners.iter().cycle().skip(1));
@@ -247,7 +253,7 @@ fn has_same_font(one: &Style, other: &Style) -> bool {
 
 /// The room after a letter, beside that of the font.
 fn spacing(letter: &Letter<'_, '_>) -> f64 {
-    let between_words = if letter.char == ' ' { letter.style.word_spacing } else { 0.0 };
+    let between_words = if matches!(letter.char, ' ' | '\u{a0}') { letter.style.word_spacing } else { 0.0 };
     letter.style.letter_spacing + between_words
 }
 
@@ -390,12 +396,6 @@ impl<'a, 'd> Reader<'_, 'a, 'd> {
                 // An accent has no place of its own.
                 last.char = char;
                 continue;
-            }
-            if letter.at.iter().any(Option::is_some)
-                && self.letters.last().is_some_and(|last| last.char == ' ')
-            {
-                // A blank before a new line would only move a line that is aligned at its end.
-                self.letters.pop();
             }
             self.letters.push(letter);
         }
