@@ -336,7 +336,8 @@ fn side_picture(name: &str, view: &View, side: Side, remark: &str) -> SidePictur
         Some(fits) => {
             let [x, y]: [f64; 2] = fits.center().into();
             let size = fits.size();
-            format!("fits {:.1} × {:.1} mm at --place {}", size.x, size.y, place(x, y))
+            let about = about(side.is_curved);
+            format!("fits {about}{:.1} × {:.1} mm at --place {}", size.x, size.y, place(x, y))
         }
         None => "nothing can be marked on this side".to_owned(),
     };
@@ -365,6 +366,11 @@ fn side_picture(name: &str, view: &View, side: Side, remark: &str) -> SidePictur
     }
 }
 
+/// What fits is measured in the view. On a curved side a drawing is larger than it is there, and not a rectangle.
+fn about(is_curved: bool) -> &'static str {
+    if is_curved { "about " } else { "" }
+}
+
 /// A place as `--place` takes it, to a tenth of a millimetre.
 fn place(x: f64, y: f64) -> String {
     let tenth = |value: f64| (value * 10.0).round() / 10.0 + 0.0;
@@ -378,7 +384,8 @@ fn side_lines(text: &mut String, facts: &PartFacts, is_named: bool) {
         let [left, bottom, right, top] = side.extents_mm;
         let fits = match (side.rectangle_mm, side.place_mm) {
             (Some([left, bottom, right, top]), Some([x, y])) => format!(
-                "; fits {:.1} x {:.1} mm at --facing={} --place {}",
+                "; fits {}{:.1} x {:.1} mm at --facing={} --place {}",
+                about(side.curved),
                 right - left,
                 top - bottom,
                 side.side,
