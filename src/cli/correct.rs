@@ -7,7 +7,8 @@ use clap::Args;
 use super::job::{Job, JobArguments};
 use super::list;
 use super::named_files::{
-    apart, beside, file_trouble, is_device, name_of, tell_of_others, write_file, write_file_if,
+    apart, beside, can_have_files_beside, file_trouble, is_device, name_of, tell_of_others, write_file,
+    write_file_if,
 };
 use super::outcome::{Failure, Outcome, print_json, tell};
 use super::rotary::{RotaryArguments, write_tiles};
@@ -162,6 +163,9 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     let mut corrected = pipeline.correct(sku, learned, input, settings, with_pictures)?;
 
     let steps = arguments.steps(out, &corrected);
+    if !steps.is_empty() {
+        can_have_files_beside(out)?;
+    }
     let named_steps = steps.iter().map(|(file, _)| ("--step-files", file.as_path()));
     apart(&arguments.job.files(), &written.iter().copied().chain(named_steps).collect::<Vec<_>>())?;
     let dxf = std::mem::take(&mut corrected.dxf);

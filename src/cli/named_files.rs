@@ -42,9 +42,22 @@ pub(super) fn write_file_if(
     checked.map_err(|reason| Failure::rejected(reason.in_file(path.display().to_string())))
 }
 
-/// Whether there is a device, a pipe or a socket at a path, such as `/dev/null`: a file with its name would replace it.
+/// Whether there is a device, a pipe or a socket at a path, such as `/dev/null`, or a link that the system made, such as
+/// `/dev/stdout`: a file with its name would replace it.
 pub(super) fn is_device(path: &Path) -> bool {
-    path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
+    let is_of_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)) && path.exists();
+    is_of_system || path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
+}
+
+/// Refuses files beside a drawing that is written into a device.
+pub(super) fn can_have_files_beside(out: &Path) -> Outcome {
+    if !is_device(out) {
+        return Ok(());
+    }
+    Err(Failure::usage(
+        format!("Files are to be written beside {}, which is a device or a pipe.", out.display()),
+        "Give `--out` the name of a file.",
+    ))
 }
 
 fn write_into(path: &Path, bytes: &[u8]) -> std::io::Result<()> {

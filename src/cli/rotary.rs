@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::named_files::{
-    apart, beside, file_trouble, is_device, name_of, tell_of_others, tell_of_stale, write_file, write_file_if,
+    apart, beside, can_have_files_beside, file_trouble, is_device, name_of, tell_of_others, tell_of_stale,
+    write_file, write_file_if,
 };
 use super::outcome::{Failure, Outcome};
 use super::set::{add_options, add_switch};
@@ -68,6 +69,7 @@ pub(super) fn write_tiles(
         tell_of_others(out, 'r', &[]);
         return Ok(false);
     };
+    can_have_files_beside(out)?;
     let files: Vec<PathBuf> = corrected.tile_files.iter().map(|tile| file_of(out, tile)).collect();
     let (csv, json) = (beside(out, "rotary.csv"), beside(out, "rotary.json"));
     let named = files.iter().chain([&csv, &json]).map(|file| ("--out", file.as_path()));

@@ -173,6 +173,11 @@ impl Extents {
         (self.min - point).sup(&(point - self.max)).sup(&Vector2::zeros()).norm()
     }
 
+    /// Whether the rectangles have a point in common.
+    pub fn touches(&self, other: &Self) -> bool {
+        (0..2).all(|axis| other.min[axis] <= self.max[axis] && other.max[axis] >= self.min[axis])
+    }
+
     /// Whether the point is inside or on the border.
     pub fn contains(&self, point: Vector2<f64>) -> bool {
         point.x >= self.min.x && point.x <= self.max.x && point.y >= self.min.y && point.y <= self.max.y

@@ -137,7 +137,7 @@ pub fn run(
             mode,
             lock,
             hot_lock: None,
-            status: StatusBoard::new(&station, &state, |from| executor.journal().delivered_since(from)),
+            status: StatusBoard::new(&station, &state, |from| executor.journal().delivered_after(from)),
             state,
             log: station.log.clone(),
             messages,

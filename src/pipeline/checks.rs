@@ -544,7 +544,7 @@ pub(super) fn suggesting_place(
 ) -> Reason {
     let is_as_drawn = settings.placement.place.is_none()
         && settings.placement.anchor == Anchor::Center
-        && matches!(settings.part.view_source, ViewSource::Station | ViewSource::Sides);
+        && settings.part.view_source.frame().is_none();
     if reason.code != "off-surface" || !is_as_drawn {
         return reason;
     }

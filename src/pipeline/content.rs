@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, Point3, Vector2};
 
 use crate::config::{CodeSettings, ContentSettings, JobSettings, Placeholder};
 use crate::formats::code::{self, Modules};
-use crate::formats::pattern::{self, Content, FieldUse, FoundField, PatternFacts, filled};
+use crate::formats::pattern::{self, Content, FieldUse, FoundField, PatternFacts, filled, short};
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::pattern::{Affine, Path, Pattern, Segment, Shape, Source};
 use crate::geometry::space::FlatPoint;
@@ -26,8 +26,6 @@ const NOTABLE_DISTORTION: f64 = 10.0;
 const MOST_STEPS: usize = 50;
 /// Most columns that a message names.
 const MOST_COLUMNS: usize = 10;
-/// Longest text in a message, letters.
-const SHOWN: usize = 60;
 
 /// A code in its placeholder.
 #[derive(Debug, Clone)]
@@ -76,7 +74,8 @@ fn remedy_for_column(column: &str, values: Values<'_>) -> String {
             return format!("Give a value for the column `{column}` in this row of {list}");
         }
         Values::Row(list, row) => {
-            let instead = row.keys().next().map(|name| format!(", or change the field to `{{csv:{name}}}`"));
+            let instead =
+                row.keys().next().map(|name| format!(", or change the field to `{{csv:{}}}`", short(name)));
             return format!("Name a column of {list} `{column}`{}", instead.unwrap_or_default());
         }
         Values::Drawing(name) => {
@@ -147,13 +146,6 @@ fn no_value(field: &str, why: Option<&str>, values: Values<'_>) -> Reason {
         format!("The field `{}` has no value: {}.", short(field), why.unwrap_or("none is given")),
         remedy,
     )
-}
-
-fn short(text: &str) -> String {
-    match text.char_indices().nth(SHOWN) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text.to_owned(),
-    }
 }
 
 /// Checks the values of one product, from a row of `list`, for these fields and for the codes of the settings, without a

@@ -83,10 +83,10 @@ impl Pipeline {
         }
         if let Some(kept) = kept {
             clock.lap("load surface");
-            self.make_current(sku, &current, is_new)?;
-            let kept = CachedSurface { origin: current.origin, ..kept };
             self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
             self.check_frame(sku, &key, &kept, settings).map_err(rejected)?;
+            self.make_current(sku, &current, is_new)?;
+            let kept = CachedSurface { origin: current.origin, ..kept };
             let settings = settings.for_part_with(kept.facts.marking_frame());
             let timings = clock.laps;
             return Ok(LearnedPart {

@@ -189,6 +189,11 @@ impl LearnedPart {
             let field = &part.kept.surface.field;
             drawing.inked_points(settings).flatten().all(|point| field.is_surface(map.point(point)))
         };
+        // Distances from the anchor are those on its face.
+        let is_anchor_on = |face: &u32| {
+            let anchor = surface.field.face_at(drawing.placing.place.coords().into());
+            anchor.is_none_or(|anchor| anchor == *face)
+        };
         let confirmed_on = |kept: &BTreeSet<u32>, face: u32| {
             let part = only(kept, Some(face))?;
             let (turned, map) = mapped(&part)?;
@@ -209,7 +214,8 @@ impl LearnedPart {
                 }
                 // The map on both sides of an edge shows where the drawing is only about.
                 let likely = on_face.or_else(|| faces.most(MOST_AS_MAPPED));
-                let other = likely.filter(|likely| kept != first || face != Some(*likely));
+                let other =
+                    likely.filter(is_anchor_on).filter(|likely| kept != first || face != Some(*likely));
                 match other.and_then(|other| confirmed_on(&kept, other)) {
                     None if is_same && face.is_none() => part,
                     None => only(&kept, None),

@@ -726,9 +726,9 @@ const CODES: &[Code] = &[
     reason([
         "foreign-file",
         "The result would replace a file in the import folder that is not from isomark.",
-        "Results are recognised by the comments at their beginning, or because this station delivered them. Another file of the \
-         same name was put there by somebody else, and there may be no copy of it. With `comments = false` results cannot \
-         be recognised, and are replaced as before.",
+        "This station has delivered no drawing of this name, and the file does not have the comments of a corrected drawing at its \
+         beginning. Somebody else put it there, and there may be no copy of it. With `comments = false` results cannot be \
+         recognised, and are replaced as before.",
         "Move the file out of the import folder, or rename the drawing. Then drop the drawing again.",
     ]),
     notice([

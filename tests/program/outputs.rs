@@ -55,4 +55,12 @@ fn a_device_is_written_into_and_stays_one() {
         assert_eq!(output.code, 0, "{output:?}");
         assert!(desk.path("nothing").symlink_metadata().unwrap().is_symlink(), "{outputs:?}");
     }
+    let pipe = desk.path("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = std::thread::spawn(move || std::fs::read(pipe).unwrap());
+    assert_eq!(desk.isomark(&[CAN, &["square.dxf", "--out", "pipe"]].concat()).code, 0);
+    assert_eq!(desk.isomark(&[CAN, &["square.dxf", "--out", "out.dxf"]].concat()).code, 0);
+    assert_eq!(reader.join().unwrap(), desk.read("out.dxf"));
+    desk.isomark(&[CAN, &["square.dxf", "--out", "nothing", "--rotary"]].concat())
+        .refused(2, &["beside nothing, which is a device"]);
 }

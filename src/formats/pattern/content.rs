@@ -17,6 +17,9 @@ use crate::reason::Notice;
 const LONGEST: usize = 200;
 /// Most notices about texts that are no fields.
 const MOST_NOTICES: usize = 20;
+/// Longest text in a message, letters.
+const SHOWN: usize = 60;
+
 /// Most columns of a list that a message names.
 const MOST_COLUMNS: usize = 20;
 /// Most digits of a serial number.
@@ -327,12 +330,13 @@ fn value(field: &str, content: &Content) -> Result<String, String> {
             None => Err(match content.row.is_empty() {
                 true => format!("no value of the column `{column}` is given"),
                 false => {
-                    let columns: Vec<&str> =
-                        content.row.keys().take(MOST_COLUMNS).map(String::as_str).collect();
+                    let columns: Vec<String> =
+                        content.row.keys().take(MOST_COLUMNS).map(|name| short(name)).collect();
                     let more = match content.row.len() - columns.len() {
                         0 => String::new(),
                         more => format!(" and {more} more"),
                     };
+                    let column = short(column);
                     format!("there is no column `{column}`; the columns are {}{more}", columns.join(", "))
                 }
             })?,
@@ -391,6 +395,14 @@ fn serial(serial: u64, format: Option<&str>) -> Result<String, String> {
         return Err(format!("the serial number {digits} has more than {width} digits"));
     }
     Ok(format!("{digits:0>width$}"))
+}
+
+/// A text for a message, which names very long ones by their beginning.
+pub(crate) fn short(text: &str) -> String {
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
 }
 
 fn date(moment: Moment, format: &str) -> Result<String, String> {

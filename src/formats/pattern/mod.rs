@@ -19,7 +19,7 @@ mod svg;
 mod units;
 
 pub use content::{Content, FieldUse, FoundField, Moment, filled};
-pub(crate) use content::{is_not_given, misspelt_in};
+pub(crate) use content::{is_not_given, misspelt_in, short};
 pub use dxf::readback::{PathDifference, PathPlace, ReadbackError, read_back, readback_work};
 pub use dxf::space::{write_points, write_space};
 pub use dxf::write::{DxfProfile, losses, write};

@@ -24,12 +24,12 @@ const MAX_PIECES: f64 = 2e6;
 /// Maximum number of squares in the bounding rectangle; beyond it, squares are made larger.
 const MAX_SQUARES_IN_BOX: f64 = 4e6;
 
-/// Squares show ink well if their area differs from its own by at most this share.
+/// Squares show ink well if their area differs from its own by at most this share, and roughly if by at most the second.
 const SHOWN_WELL: f64 = 0.02;
+const SHOWN: f64 = 0.25;
 
-/// Chord tolerance for the inked area, as a share of the size of the smallest contour, and the smallest one, mm.
-const OF_SMALLEST: f64 = 1e-3;
-const FINEST: f64 = 1e-6;
+/// Chord tolerance for the inked area, as a share of the size of a contour.
+const OF_REACH: f64 = 1e-3;
 
 /// A rest of the bounding rectangle that is a smaller share of a square's side is rounding.
 const ROUNDING: f64 = 1e-6;
@@ -199,16 +199,7 @@ impl Ink {
         let (mut squares, mut blocks, mut inked_area) = (Vec::new(), Vec::new(), 0.0);
         if !contours.is_empty() {
             let groups: Vec<_> = contours.values().map(Vec::as_slice).collect();
-            let smallest =
-                groups.iter().copied().flatten().map(|contour| reach(contour)).filter(|size| *size > 0.0);
-            let fine = OF_SMALLEST * smallest.fold(f64::INFINITY, f64::min);
-            inked_area = if fine < side / 40.0 {
-                let mut finer = self::contours(pattern, is_marked, fine.max(FINEST));
-                finer.retain(|(_, region), _| is_inked(*region));
-                area::inside(&finer.values().map(Vec::as_slice).collect::<Vec<_>>(), &extents, side)
-            } else {
-                area::inside(&groups, &extents, side)
-            };
+            inked_area = area::inside(&finer(pattern, is_marked, is_inked, side), &extents, side);
             let inked = grid_inside(&groups, &extents, side);
             squares = inked.centers();
             blocks = inked.into_blocks();
@@ -250,9 +241,15 @@ impl Ink {
         self.pieces.iter().map(Piece::length).sum()
     }
 
-    /// Inked area, mm²; 0 if no square shows it.
+    /// Inked area, mm², over which the results are sums: that of the squares where they show the ink well; 0 if none shows it.
     pub fn area(&self) -> f64 {
-        if self.squares.is_empty() { 0.0 } else { self.inked_area }
+        self.squares.len() as f64 * self.side * self.side * self.weight()
+    }
+
+    /// Whether the squares show the inked area at least roughly.
+    pub(crate) fn is_shown(&self) -> bool {
+        let sampled = self.squares.len() as f64 * self.side * self.side;
+        (self.inked_area - sampled).abs() <= SHOWN * self.inked_area.max(self.side * self.side)
     }
 
     /// What a square counts for in sums over the inked area, as a share of its own area: 1 where the squares show the ink well.
@@ -362,10 +359,24 @@ fn join_consecutive(pieces: &mut Vec<Piece>, longest: f64) {
     });
 }
 
-/// The longer side of the bounding rectangle of a contour, mm.
-fn reach(contour: &[FlatPoint]) -> f64 {
-    let extents = Extents::of(contour.iter().map(|at| at.coords()));
-    if contour.is_empty() { 0.0 } else { extents.size().max() }
+/// The contours that bound the inked area, of each layer and fill, with the chord tolerance that their own sizes need, and without those
+/// that are only rounding.
+fn finer(
+    pattern: &Pattern,
+    is_marked: &dyn Fn(&str) -> bool,
+    is_inked: fn(Option<u32>) -> bool,
+    side: f64,
+) -> Vec<Vec<Vec<FlatPoint>>> {
+    let flattened = |path: &&Path| {
+        let coarse = path.shape.flattened(side / 40.0);
+        let reach = if coarse.is_empty() { 0.0 } else { area::extents_of(&coarse).size().max() };
+        (reach > SHORTEST).then(|| match reach * OF_REACH < side / 40.0 {
+            true => path.shape.flattened(reach * OF_REACH),
+            false => coarse,
+        })
+    };
+    let groups = bounding_paths(pattern, is_marked).into_iter().filter(|((_, region), _)| is_inked(*region));
+    groups.map(|(_, paths)| paths.iter().filter_map(flattened).collect()).collect()
 }
 
 /// The squares of an axis-parallel grid, and those that are inside the contours of any group, by the even-odd rule in each.
@@ -596,10 +607,10 @@ mod tests {
             FlatPoint::new(0.0, 0.0),
         ));
         let found = Ink::sample(&turned, |_| true, 0.25, 0.2);
-        assert!((found.area() - 100.0).abs() < 0.02, "{}", found.area());
+        assert!((found.inked_area - 100.0).abs() < 0.1, "{}", found.inked_area);
         // What both of two fills cover counts once.
         let both = ink(vec![square(5.0, Some(1)), square(3.0, Some(2))]);
-        assert!((both.area() - 100.0).abs() < 1e-6, "{}", both.area());
+        assert!((both.inked_area - 100.0).abs() < 1e-6, "{}", both.inked_area);
     }
 
     /// Exporters write tiny closing pieces, and outlines that consist only of rounding errors.

@@ -17,10 +17,8 @@ pub const PIECE: f64 = 0.25;
 /// Side of the squares of the inked area for the quality results, mm; in small drawings it is smaller.
 pub const SQUARE: f64 = 0.2;
 
-/// Ink is sampled with smaller squares, by these factors one after the other, while the area of its squares differs from its own by more
-/// than the share.
+/// Ink is sampled with smaller squares, by these factors one after the other, until they show it.
 const SMALLER: [f64; 3] = [0.5, 0.25, 0.125];
-const NOT_SHOWN: f64 = 0.25;
 
 /// How many times the mean of a doubt its largest value is.
 const PEAK: f64 = Uncertainty::PEAK;
@@ -106,12 +104,15 @@ pub fn sample_as_marked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, ink
 fn covering(sample: impl Fn(f64) -> Ink) -> Ink {
     let mut ink = sample(1.0);
     for part in SMALLER {
-        let is_shown =
-            ink.inked_area == 0.0 || !ink.squares.is_empty() && (ink.weight() - 1.0).abs() <= NOT_SHOWN;
-        if is_shown {
+        if ink.is_shown() {
             break;
         }
-        ink = sample(part);
+        let finer = sample(part);
+        // There are at most so many squares.
+        if finer.side >= ink.side {
+            break;
+        }
+        ink = finer;
     }
     ink
 }

@@ -10,10 +10,9 @@ use super::disjoint_sets::DisjointSets;
 use super::height_field::{HeightField, NO_FACE, Node, PartSamples};
 use crate::geometry::space::{Extents, ViewPoint};
 
-/// A point is on one of two faces if it is farther from where they meet than this share of the distance between nodes, or than the
-/// second value, mm: there may be a narrow face between them that no node is on, as where an edge is broken.
+/// A point is on one of two faces if it is farther from where they meet than this share of the distance between nodes: there may be
+/// a narrow face between them that no node is on.
 const BESIDE_EDGE: f64 = 0.2;
-const BROKEN_EDGE: f64 = 0.25;
 
 /// So many nodes in a row show how a face is curved.
 const LEAST_ACROSS: usize = 3;
@@ -70,7 +69,7 @@ impl HeightField {
     }
 
     /// The face that a point is on; `None` beside the smooth surface, where that is not known or too few nodes there are on the face to
-    /// show how it is curved, and within a fifth of a step or 0.25 mm from an edge.
+    /// show how it is curved, and within a fifth of a step from an edge.
     pub fn face_at(&self, at: ViewPoint) -> Option<u32> {
         let (column, row, _) = self.cell(at)?;
         let nodes = self.cell_nodes(column, row);
@@ -116,7 +115,7 @@ impl HeightField {
         let turn = one.slope - other.slope;
         // How far it is from where the faces meet, to the side on which the first one is higher.
         let from_edge = |at: Vector2<f64>| (one.height(at) - other.height(at)) / turn.norm();
-        let beside = (BESIDE_EDGE * self.step()).min(BROKEN_EDGE);
+        let beside = BESIDE_EDGE * self.step();
         let side = from_edge(at.coords());
         if !(turn.norm() > LEAST_TURN) || side.abs() < beside {
             return None;

@@ -74,9 +74,17 @@ impl<C: Corrector> Executor<'_, C> {
         if before.is_none() && self.repeat(&mut drawing)? {
             return Ok(Outcome::Repeated);
         }
-        let (mut made, previous) = self.make(&mut drawing, before.is_some())?;
+        let (mut made, mut previous) = self.make(&mut drawing, before.is_some())?;
         if before.is_none() && self.stays_as_delivered(&drawing)? {
             return Ok(Outcome::Repeated);
+        }
+        if before.is_none() {
+            // Somebody may have put a file there while the drawing was corrected.
+            let now = filing::delivered_before(&task.station.folders, name).map_err(folder_trouble)?;
+            if now != previous {
+                now.as_deref().map_or(Ok(()), |now| self.may_replace(&drawing, now))?;
+                previous = now;
+            }
         }
         let how = match &before {
             Some(before) => How::BeforeTheCrash(before.certainty),
@@ -233,6 +241,14 @@ impl<C: Corrector> Executor<'_, C> {
         Ok(true)
     }
 
+    /// Rejects the drawing if what it would replace in the import folder is somebody else's.
+    fn may_replace(&self, drawing: &Correction, previous: &[u8]) -> Result<(), JobError> {
+        if !self.corrector.is_corrected(previous) {
+            drawing.keeps_files_of_others(previous)?;
+        }
+        drawing.keeps_results_of_others(previous)
+    }
+
     /// Corrects the drawing; returns it, and the existing file with its name in the import folder.
     fn make(
         &self,
@@ -264,10 +280,7 @@ impl<C: Corrector> Executor<'_, C> {
         })?;
         drawing.result.result = delivery::hash_of(&made.drawing);
         if let Some(previous) = previous.as_deref().filter(|_| !was_delivered) {
-            if !self.corrector.is_corrected(previous) {
-                drawing.keeps_files_of_others(previous)?;
-            }
-            drawing.keeps_results_of_others(previous)?;
+            self.may_replace(drawing, previous)?;
         }
         import_is_there()?;
         self.shares.are_there(folders, false)?;
@@ -305,12 +318,11 @@ impl Correction<'_> {
     }
 
     /// Rejects the drawing if the file of its name in the import folder, `previous`, which does not show that it is a corrected drawing,
-    /// is not the last result either: there may be no other copy of it. Without comments, no result shows that.
+    /// was there before any result of this name: there may be no other copy of it. Marking software that saves a result again
+    /// may leave out what shows it, and without comments nothing does.
     fn keeps_files_of_others(&self, previous: &[u8]) -> Result<(), JobError> {
         let Ready { name, .. } = self.ready;
-        let hash = delivery::hash_of(previous);
-        let is_known =
-            hash == self.result.result || self.last.as_ref().is_some_and(|last| last.job.result == hash);
+        let is_known = self.last.is_some() || delivery::hash_of(previous) == self.result.result;
         if is_known || previous.is_empty() || !self.settings.output.comments {
             return Ok(());
         }

@@ -226,11 +226,8 @@ pub(super) fn companions_of(rejected: &Path) -> Vec<PathBuf> {
 
 /// The content of a rejected drop; empty for a pipe or a device, which would never end or wait for a writer.
 fn content_of(rejected: &Path) -> std::io::Result<Vec<u8>> {
-    if is_regular(rejected) || !rejected.exists() { fs::read(rejected) } else { Ok(Vec::new()) }
-}
-
-fn is_regular(path: &Path) -> bool {
-    path.metadata().is_ok_and(|found| found.is_file())
+    let is_pipe = rejected.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
+    if is_pipe { Ok(Vec::new()) } else { fs::read(rejected) }
 }
 
 fn bring_back(folders: &FolderPaths, reason: &Path, drop: &str) -> std::io::Result<()> {

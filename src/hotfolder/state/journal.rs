@@ -310,10 +310,9 @@ impl Journal {
         self.results.uncertain()
     }
 
-    /// The times of the newest certain results from this time on, as text.
-    pub(crate) fn delivered_since(&self, from: &str) -> Vec<String> {
-        let is_new =
-            |result: &Delivered| result.at.as_str() >= from && result.certainty == Certainty::Certain;
+    /// The times of the newest certain results after a time, as text.
+    pub(crate) fn delivered_after(&self, from: &str) -> Vec<String> {
+        let is_new = |result: &Delivered| result.at.as_str() > from && result.certainty == Certainty::Certain;
         self.results.iter().filter(is_new).map(|result| result.at).collect()
     }
 

@@ -351,17 +351,12 @@ fn minute_with(second: &str) -> String {
     format!("{}:00Z", second.get(..16).unwrap_or(second))
 }
 
-/// The minutes with at least as many deliveries as there were at these times.
+/// The minutes with the deliveries at these times, too.
 fn with_deliveries(minutes: Vec<Minute>, times: &[String]) -> Vec<Minute> {
     let mut all: BTreeMap<String, Minute> =
         minutes.into_iter().map(|minute| (minute.at.clone(), minute)).collect();
-    let mut delivered: BTreeMap<String, u64> = BTreeMap::new();
-    for time in times {
-        *delivered.entry(minute_with(time)).or_default() += 1;
-    }
-    for (at, delivered) in delivered {
-        let known = all.entry(at.clone()).or_insert(Minute { at, delivered: 0, rejected: 0 });
-        known.delivered = known.delivered.max(delivered);
+    for at in times.iter().map(|time| minute_with(time)) {
+        all.entry(at.clone()).or_insert(Minute { at, delivered: 0, rejected: 0 }).delivered += 1;
     }
     all.into_values().collect()
 }
@@ -398,12 +393,14 @@ pub(crate) struct View<'a> {
 
 impl StatusBoard {
     /// Starts with the last hour and the finished and rejected drops from the previous status, if that can be read. A station that
-    /// was interrupted may not have written its last deliveries: `delivered` are the times of those in the journal.
+    /// was interrupted may not have written its last deliveries: `delivered` gives the times of those in the journal after a time.
     pub(crate) fn new(station: &Station, state: &Path, delivered: impl FnOnce(&str) -> Vec<String>) -> Self {
         let before = Status::read(state).ok().flatten();
+        let hour_ago = last_hour(SystemTime::now()).0;
+        let from = before.as_ref().map_or(hour_ago.clone(), |status| status.at.clone().max(hour_ago));
         let (minutes, finished, rejections) =
             before.map(|status| (status.minutes, status.finished, status.rejections)).unwrap_or_default();
-        let minutes = with_deliveries(minutes, &delivered(&last_hour(SystemTime::now()).0));
+        let minutes = with_deliveries(minutes, &delivered(&from));
         Self {
             station: station.name.clone(),
             since: clock::now(),

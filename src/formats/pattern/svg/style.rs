@@ -441,7 +441,13 @@ impl Sheets {
                 style.root_font_size = style.font_size;
             }
         }
-        if !matches!(node.tag_name().name(), "text" | "tspan" | "a") {
+        let is_text = |node: Node<'_, '_>| node.tag_name().name() == "text";
+        let is_raised = match node.tag_name().name() {
+            "text" | "tspan" => true,
+            "a" => node.ancestors().any(is_text),
+            _ => false,
+        };
+        if !is_raised {
             style.raised = outer.raised;
         }
         let is_decoration =

@@ -64,7 +64,11 @@ impl FittedSurface {
         let mut windows = Vec::with_capacity(self.windows.len());
         for window in &self.windows {
             whole.windows.clone_from(&windows);
-            windows.push(whole.window_without(window, &is_left_out, fork)?.unwrap_or_else(|| window.clone()));
+            let without = match within.touches(&window.rectangle()) {
+                true => whole.window_without(window, &is_left_out, fork)?,
+                false => None,
+            };
+            windows.push(without.unwrap_or_else(|| window.clone()));
         }
         whole.windows.clear();
         Ok(whole.through(windows))

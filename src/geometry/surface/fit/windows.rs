@@ -79,7 +79,7 @@ const ROUND_SPANS: f64 = 8.0;
 
 impl Window {
     /// The rectangle in which it counts, mm.
-    fn rectangle(&self) -> Extents {
+    pub(super) fn rectangle(&self) -> Extents {
         let (x, y) = self.surface.nurbs.knots();
         let ends = |end: fn(&Range<usize>) -> usize| {
             let along = |axis: usize, start: f64, step: f64| {
@@ -497,10 +497,7 @@ impl FittedSurface {
     /// The surface round a drawing with these extents, with the smallest spans of the windows under it; `None` if no window is
     /// under it.
     pub fn round(&self, drawing: &Extents) -> Option<Self> {
-        let touches = |window: &&Window| {
-            let there = window.rectangle();
-            (0..2).all(|axis| there.min[axis] <= drawing.max[axis] && there.max[axis] >= drawing.min[axis])
-        };
+        let touches = |window: &&Window| drawing.touches(&window.rectangle());
         let finest = self.windows.iter().filter(touches).map(|window| window.level).max()?;
         let (knots_x, knots_y) = self.nurbs.knots();
         (1..=finest).rev().find_map(|level| {
