@@ -43,10 +43,11 @@ pub(super) fn write_file_if(
 }
 
 /// Whether there is a device, a pipe or a socket at a path, such as `/dev/null`, or a link that the system made, such as
-/// `/dev/stdout`: a file with its name would replace it.
+/// `/dev/stdout`: a file with its name would replace it. On Windows, `NUL` is one in every folder.
 pub(super) fn is_device(path: &Path) -> bool {
     let is_of_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)) && path.exists();
-    is_of_system || path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
+    let is_null = cfg!(windows) && path.file_name().is_some_and(|name| name.eq_ignore_ascii_case("nul"));
+    is_of_system || is_null || path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
 
 /// Refuses files beside a drawing that is written into a device.
