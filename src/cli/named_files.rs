@@ -45,7 +45,7 @@ pub(super) fn write_file_if(
 /// Whether there is a device, a pipe or a socket at a path, such as `/dev/null`, or a link that the system made, such as
 /// `/dev/stdout`: a file with its name would replace it. On Windows, `NUL` is one in every folder.
 pub(super) fn is_device(path: &Path) -> bool {
-    let is_of_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)) && path.exists();
+    let is_of_system = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)) && path.is_symlink();
     let is_null = cfg!(windows) && path.file_name().is_some_and(|name| name.eq_ignore_ascii_case("nul"));
     is_of_system || is_null || path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir())
 }
@@ -61,8 +61,9 @@ pub(super) fn can_have_files_beside(out: &Path) -> Outcome {
     ))
 }
 
+/// Appends, because the output of the command may be redirected to the end of a file.
 fn write_into(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    std::fs::OpenOptions::new().write(true).open(path)?.write_all(bytes)
+    std::fs::OpenOptions::new().append(true).open(path)?.write_all(bytes)
 }
 
 fn write_with(path: &Path, write: impl FnOnce(&Path, &str) -> std::io::Result<()>) -> Outcome {

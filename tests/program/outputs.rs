@@ -64,3 +64,17 @@ fn a_device_is_written_into_and_stays_one() {
     desk.isomark(&[CAN, &["square.dxf", "--out", "nothing", "--rotary"]].concat())
         .refused(2, &["beside nothing, which is a device"]);
 }
+
+/// Files in memory are files, although they are below `/dev`.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_in_memory_is_replaced_as_a_whole() {
+    let Ok(folder) = tempfile::tempdir_in("/dev/shm") else { return };
+    let (desk, _) = desk("square.dxf");
+    let report = folder.path().join("report.json");
+    std::fs::write(&report, "x".repeat(1_000_000)).unwrap();
+    let outputs = ["square.dxf", "--out", "out.dxf", "--report", report.to_str().unwrap()];
+    assert_eq!(desk.isomark(&[CAN, &outputs].concat()).code, 0);
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    assert_eq!(report["schema"], "isomark.report/1");
+}
