@@ -115,8 +115,8 @@ impl Corrector for StandIn {
 
     fn follow(&self, _: &Station) {}
 
-    fn is_corrected(&self, _: &[u8]) -> bool {
-        true
+    fn is_corrected(&self, file: &[u8]) -> bool {
+        !file.starts_with(b"foreign")
     }
 
     fn restore_part(
@@ -944,6 +944,19 @@ fn a_drawing_waits_for_a_part_that_arrives_during_its_correction() {
     line.waits_for_empty_hot();
     assert_eq!(line.text("import/can.dxf").unwrap(), "held on new at 0");
     assert_eq!(line.text("reports/can/can.dxf.report.json").unwrap(), "before: nothing");
+}
+
+#[test]
+fn a_file_that_arrives_in_the_import_folder_during_a_correction_is_not_replaced() {
+    let line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    line.rename_into("can.dxf", "hold");
+    line.waits_for("the start of the correction", |line| line.seen.holding.load(Ordering::SeqCst) > 0);
+    fs::write(line.path("import/can.dxf"), "foreign").unwrap();
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for("the rejected drawing", |line| line.path("rejected/can.dxf").exists());
+    assert_eq!(line.text("import/can.dxf").unwrap(), "foreign");
 }
 
 /// The files that a part needs are read once, together with the part, so that the hash and the surface agree.
