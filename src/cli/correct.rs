@@ -154,7 +154,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     check_extension("--xyz", arguments.xyz.as_ref(), &["csv", "dxf"], "a list of points or a DXF")?;
     let previous = replaced(out)?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
-    let Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress: _ } = &job;
+    let Job { sku, settings, pipeline, learned, pattern, drawing, beside_part, verify, progress: _ } = &job;
     if arguments.step_files {
         refuse_without_steps("--step-files", settings)?;
     }
@@ -167,7 +167,9 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
         can_have_files_beside(out)?;
     }
     let named_steps = steps.iter().map(|(file, _)| ("--step-files", file.as_path()));
-    apart(&arguments.job.files(), &written.iter().copied().chain(named_steps).collect::<Vec<_>>())?;
+    let read: Vec<&Path> =
+        arguments.job.files().into_iter().chain(beside_part.iter().map(PathBuf::as_path)).collect();
+    apart(&read, &written.iter().copied().chain(named_steps).collect::<Vec<_>>())?;
     let dxf = std::mem::take(&mut corrected.dxf);
     let is_read_back = corrected.is_to_be_read_back(*verify);
     if write_tiles(out, &mut corrected, &arguments.job.files(), is_read_back)? {

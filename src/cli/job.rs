@@ -102,6 +102,8 @@ pub(super) struct Job<'a> {
     pub(super) learned: LearnedPart,
     pub(super) pattern: &'a Path,
     pub(super) drawing: Vec<u8>,
+    /// The files beside the part that were read with it.
+    pub(super) beside_part: Vec<PathBuf>,
     /// Which written drawings are read back.
     pub(super) verify: Verify,
     /// Shows the current step as long as it lives.
@@ -161,11 +163,15 @@ impl JobArguments {
         };
         let progress = ProgressLine::start();
         let pipeline = Pipeline::new(cache).observed(progress.observer());
-        let learned = match part {
-            Some(part) => pipeline.learn(&sku, &read_part(part)?, &settings.part)?,
-            None => recall(&pipeline, &sku, &settings)?,
+        let (learned, beside_part) = match part {
+            Some(path) => {
+                let part = read_part(path)?;
+                let beside = part.siblings.keys().map(|name| path.with_file_name(name)).collect();
+                (pipeline.learn(&sku, &part, &settings.part)?, beside)
+            }
+            None => (recall(&pipeline, &sku, &settings)?, Vec::new()),
         };
-        Ok(Job { sku, settings, pipeline, learned, pattern, drawing, verify, progress })
+        Ok(Job { sku, settings, pipeline, learned, pattern, drawing, beside_part, verify, progress })
     }
 
     fn sku(&self, part: Option<&Path>, shape: Option<String>) -> Result<Sku, Failure> {

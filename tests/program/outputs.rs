@@ -1,6 +1,6 @@
 //! Files that a command writes take the place of no file that it reads, and of no device.
 
-use crate::desk::{Desk, drawing};
+use crate::desk::{Desk, drawing, part};
 
 const CAN: &[&str] = &["correct", "--cylinder", "100,120", "--place", "0,0"];
 
@@ -40,6 +40,21 @@ fn a_step_of_focus_does_not_overwrite_the_drawing() {
     desk.isomark(&[CAN, &[&step], &steps].concat()).refused(2, &["which is also read"]);
     assert_eq!(desk.read(&step), before);
     assert!(!desk.path("logo.dxf").exists());
+}
+
+#[test]
+fn a_report_does_not_overwrite_the_buffer_of_a_part() {
+    let desk = Desk::new();
+    for name in ["bl34-native.gltf", "bl34-native.bin"] {
+        desk.write(name, std::fs::read(part(&format!("vessel/{name}"))).unwrap());
+    }
+    let before = desk.read("bl34-native.bin");
+    desk.write("line.svg", "<svg xmlns='http://www.w3.org/2000/svg' width='2mm' height='2mm' viewBox='0 0 2 2'><path d='M0 1H2' fill='none' stroke='black'/></svg>");
+    let inputs = ["correct", "bl34-native.gltf", "line.svg", "--place", "0,0", "--out", "out.dxf"];
+    desk.isomark(&[&inputs[..], &["--report", "bl34-native.bin"]].concat())
+        .refused(2, &["bl34-native.bin, which is also read"]);
+    assert_eq!(desk.read("bl34-native.bin"), before);
+    assert!(!desk.path("out.dxf").exists());
 }
 
 #[cfg(unix)]
