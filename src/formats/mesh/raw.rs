@@ -444,6 +444,10 @@ fn understood_mesh(
         {
             NormalsUsed::Smoothed
         }
+        // All faces of such a part are planes, unless facets turn on and on as those of a round face do.
+        (NormalsChoice::Auto, NormalsFound::FacetsOnly) if clues.is_open_cascade() && open.is_none() => {
+            NormalsUsed::Facets
+        }
         (NormalsChoice::Estimate, _) | (_, NormalsFound::None | NormalsFound::FacetsOnly) => {
             NormalsUsed::Estimated
         }
@@ -480,6 +484,7 @@ fn understood_mesh(
         (NormalsUsed::Estimated | NormalsUsed::Smoothed, NormalsFound::Averaged, _) => {
             mesh.with_shading_normals()
         }
+        (NormalsUsed::File | NormalsUsed::Mixed, ..) if clues.knows_faces() => mesh.with_exact_normals(),
         _ => mesh,
     };
     Ok((mesh.with_open_turns(turns), understood))

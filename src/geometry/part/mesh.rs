@@ -20,6 +20,8 @@ pub struct TriMesh {
 enum Meaning {
     /// The surface that the mesh samples.
     Surface,
+    /// The same, exactly: where two normals at one place differ, there is an edge.
+    ExactSurface,
     /// Its edges only.
     Shading,
     /// Nothing: the part is its facets.
@@ -117,6 +119,16 @@ impl TriMesh {
     /// the edges of the part but not its curvature.
     pub fn with_shading_normals(self) -> Self {
         Self { meaning: Meaning::Shading, ..self }
+    }
+
+    /// The same mesh, with its normals marked as those of the exact faces of the part: where they differ, there is an edge.
+    pub fn with_exact_normals(self) -> Self {
+        Self { meaning: Meaning::ExactSurface, ..self }
+    }
+
+    /// See [`with_exact_normals`](Self::with_exact_normals).
+    pub fn has_exact_normals(&self) -> bool {
+        self.meaning == Meaning::ExactSurface
     }
 
     /// The same mesh with the winding of some of its triangles reversed; one flag for each triangle.

@@ -52,6 +52,10 @@ const TURN_OF_SHADED_PRISM: f64 = 0.5;
 /// Exact normals of one face agree to 0.2°, Blender's merged ones to 1°.
 pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 
+/// The same for normals that a program computed on the exact faces of the part, to the rounding of its numbers: faces that meet at a
+/// smaller angle are tangent.
+const EXACT_NORMAL_TOLERANCE: f64 = 0.3 * std::f64::consts::PI / 180.0;
+
 /// Facets of one smooth face turn by less than this, rad, in any tessellation, also across a corner of both arcs of a sphere.
 pub(super) const MOST_BEND: f64 = 0.75;
 

@@ -26,7 +26,7 @@ const RULING: f64 = 0.05;
 const ROUNDING: f64 = 1e-4;
 /// Sides are cut evenly from one arc where their lengths differ by at most this factor, and rings where they differ by at most
 /// the second.
-const EVENLY_CUT: f64 = 1.1;
+pub(super) const EVENLY_CUT: f64 = 1.1;
 const EVEN_RING: f64 = 1.02;
 /// What mirrors each other is at right angles to the plane between it within this, rad.
 const MIRRORED: f64 = 0.05;
@@ -35,7 +35,7 @@ const MIRRORED_NORMALS: f64 = 0.01;
 /// Two chords of one length are cut from one arc if the turns at their ends differ by at most this share.
 const SAME_ARC: f64 = 0.5;
 /// A side beside an arc is flat if it takes at most this share of the turn between them.
-const NOT_FLAT: f64 = 0.25;
+pub(super) const NOT_FLAT: f64 = 0.25;
 /// The lengths of the chords of a smooth curve change by at most the first factor from one to the next, and these factors by at most
 /// the second.
 const MOST_STEADY: f64 = 1.6;

@@ -6,6 +6,7 @@
 
 use nalgebra::Vector3;
 
+use super::chains::{EVENLY_CUT, NOT_FLAT};
 use super::creases::{Facing, are_of_regular_prism};
 use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal};
@@ -20,7 +21,7 @@ const ACROSS: f64 = 0.3;
 /// Pieces of a section that turn by less than this are in one plane, rad.
 const COPLANAR: f64 = 0.25 * std::f64::consts::PI / 180.0;
 
-/// The section on one side of an edge: the facet beside it, and the one beyond.
+/// The section on one side of an edge: the facet beside it, and those beyond.
 #[derive(Default)]
 struct Beside {
     length: f64,
@@ -28,6 +29,21 @@ struct Beside {
     turn: Option<f64>,
     /// The triangles of both.
     triangles: [Vec<usize>; 2],
+    /// The lengths of the second and of the third, mm.
+    lengths_beyond: [f64; 2],
+    /// The signed angle between these, rad, if there is a third one.
+    turn_beyond: Option<f64>,
+}
+
+impl Beside {
+    /// Whether the facet is flat: the arc beyond, which the next two facets are cut from, begins where it ends, and leaves nothing of
+    /// the turn there for an arc that leans from its chord by `lean`, rad.
+    fn is_flat(&self, lean: f64) -> bool {
+        let [second, third] = self.lengths_beyond;
+        let is_evenly_cut = second <= EVENLY_CUT * third && third <= EVENLY_CUT * second;
+        let left = self.turn.zip(self.turn_beyond).map(|(turn, beyond)| (turn - beyond / 2.0).abs());
+        is_evenly_cut && left.is_some_and(|left| left <= NOT_FLAT * lean.abs())
+    }
 }
 
 /// The slope of a triangle beside an edge that may be the corner of an arc, or beyond it.
@@ -56,17 +72,23 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
                     first[way] = piece;
                 }
                 last = Some(piece);
-                match (turned.abs() < COPLANAR, beside.turn) {
-                    (true, None) => {
+                if turned.abs() >= COPLANAR {
+                    match (beside.turn, beside.turn_beyond) {
+                        (None, _) => beside.turn = Some(turned),
+                        (Some(_), None) => beside.turn_beyond = Some(turned),
+                        (Some(_), Some(_)) => return false,
+                    }
+                }
+                match (beside.turn, beside.turn_beyond) {
+                    (None, _) => {
                         beside.length += piece.norm();
                         beside.triangles[0].push(triangle);
                     }
-                    (false, None) => {
-                        beside.turn = Some(turned);
+                    (Some(_), None) => {
+                        beside.lengths_beyond[0] += piece.norm();
                         beside.triangles[1].push(triangle);
                     }
-                    (true, Some(_)) => beside.triangles[1].push(triangle),
-                    (false, Some(_)) => return false,
+                    (Some(_), Some(_)) => beside.lengths_beyond[1] += piece.norm(),
                 }
                 true
             });
@@ -83,7 +105,8 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
             let of_side = triangles.iter().map(|&triangle| HiddenArc { triangle, doubt, edge: along });
             arcs.extend(of_side);
         }
-        if !goes_on || !is_even || starts_flat || turned.abs() > MOST_TURN {
+        let is_flat = starts_flat || beside.iter().any(|beside| beside.is_flat(turned / 2.0));
+        if !goes_on || !is_even || is_flat || turned.abs() > MOST_TURN {
             continue;
         }
         for (way, beside) in beside.iter().enumerate() {
@@ -113,9 +136,9 @@ fn of_round_prism(turned: f64, beside: &[Beside; 2]) -> impl Iterator<Item = (&[
     let [one, other] = beside.each_ref().map(|beside| beside.length);
     let turns_on = |way: usize| {
         let ahead = if way == 0 { -turned } else { turned };
-        beside[way]
-            .turn
-            .is_some_and(|turn| turn * ahead > 0.0 && are_of_regular_prism(turn.abs(), turned.abs()))
+        let goes_on =
+            |turn: f64| turn * ahead > 0.0 && are_of_regular_prism(turn.abs(), turned.abs());
+        beside[way].turn.is_some_and(goes_on) && !beside[way].is_flat(turned / 2.0)
     };
     // Each turns by its share.
     let arc = move |length: f64| 2.0 * turned.abs() * length / (one + other);

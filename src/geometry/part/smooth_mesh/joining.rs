@@ -16,7 +16,8 @@ use super::spheres;
 use super::strips;
 use super::turned;
 use super::{
-    CREASE_ANGLE, Crease, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh, TURN_OF_PRISM, TURN_OF_SHADED_PRISM,
+    CREASE_ANGLE, Crease, EXACT_NORMAL_TOLERANCE, MOST_BEND, NORMAL_TOLERANCE, SmoothMesh, TURN_OF_PRISM,
+    TURN_OF_SHADED_PRISM,
 };
 use crate::geometry::adjacency::{
     NONE, Neighbours, WELD_DISTANCE, facet_normal, opposite_sides, sliver_side, spread, weld, width,
@@ -36,7 +37,7 @@ const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
 /// Facets are about equally wide if one is at most this many times as wide as the other.
 const ABOUT_AS_WIDE: f64 = 1.5;
 
-/// Tangent planes that meet at a smaller angle than this, rad, are one.
+/// Tangent planes that are estimated and meet at a smaller angle than this, rad, are one.
 const SAME_PLANE: f64 = 0.02;
 /// An edge that leaves its side further than this, as a cosine, is damage.
 const LEAST_ALONG: f64 = 0.5;
@@ -170,7 +171,8 @@ impl SmoothMesh {
             given.get(corners[corner / 3][corner % 3] as usize).copied().unwrap_or_else(Vector3::zeros)
         };
         let only_shades = mesh.normals_only_shade();
-        let same_normal = NORMAL_TOLERANCE.cos();
+        let tolerance = if mesh.has_exact_normals() { EXACT_NORMAL_TOLERANCE } else { NORMAL_TOLERANCE };
+        let same_normal = tolerance.cos();
 
         let mut vertex_sets = DisjointSets::new(places.len() * 3);
         let mut region_sets = DisjointSets::new(places.len());
@@ -271,7 +273,9 @@ impl SmoothMesh {
             region_sets.join(side as usize / 3, other as usize / 3);
         }
 
-        let beside = creases.iter().chain(&sharp);
+        // Other normals of a file tell less well where an edge runs.
+        let exact = if mesh.has_exact_normals() { &edges[..] } else { &[] };
+        let beside = creases.iter().chain(&sharp).chain(exact);
         let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
         let beside: Vec<[(usize, usize); 2]> = beside.collect();
         // Large meshes need much memory here: what is read once is dropped.
@@ -322,7 +326,8 @@ impl SmoothMesh {
         let before = || smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         let of_turned = turned::found(&smooth, &estimated, is_round, near, before, fork);
         of_turned.settle(&mut smooth, &mut estimated, &mut deviations);
-        smooth.creases = smooth.edges_between(beside, is_round);
+        let least_angle = if mesh.has_exact_normals() { EXACT_NORMAL_TOLERANCE } else { SAME_PLANE };
+        smooth.creases = smooth.edges_between(beside, is_round, least_angle);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         smooth.replace_slope_doubts(of_strips);
@@ -509,8 +514,14 @@ impl SmoothMesh {
     }
 
     /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at
-    /// both ends are given. On a cylinder (`is_round`) they follow from it, and not from what is beyond.
-    fn edges_between(&self, edges: Vec<[(usize, usize); 2]>, is_round: &[bool]) -> Vec<Crease> {
+    /// both ends are given. On a cylinder (`is_round`) they follow from it, and not from what is beyond. Tangent planes that meet at less
+    /// than `least_angle`, rad, are one.
+    fn edges_between(
+        &self,
+        edges: Vec<[(usize, usize); 2]>,
+        is_round: &[bool],
+        least_angle: f64,
+    ) -> Vec<Crease> {
         let is_round = |crease: &Crease| is_round.get(crease.side as usize / 3) == Some(&true);
         let vertex = |corner: usize| self.triangles[corner / 3][corner % 3] as usize;
         let normals = |(one, other): (usize, usize)| [one, other].map(|corner| self.normals[vertex(corner)]);
@@ -518,7 +529,7 @@ impl SmoothMesh {
         for ends in edges {
             let [from, to] = ends.map(|end| self.positions[vertex(end.0)]);
             let (along, normals) = (to - from, ends.map(normals));
-            let directions = normals.map(|normals| edge_direction(normals, along));
+            let directions = normals.map(|normals| edge_direction(normals, along, least_angle));
             let is_sharp = normals.iter().any(|[one, other]| one.dot(other) < NORMAL_TOLERANCE.cos());
             let ends_within = self.regions[ends[0].0 / 3] == self.regions[ends[0].1 / 3];
             let is_straight =
@@ -605,12 +616,13 @@ impl SmoothMesh {
     }
 }
 
-/// The unit direction in which two tangent planes meet, along a side of the mesh; where they are one, that of the side within it.
-fn edge_direction([one, other]: [Vector3<f64>; 2], along: Vector3<f64>) -> Vector3<f64> {
+/// The unit direction in which two tangent planes meet, along a side of the mesh; where they meet at less than `least_angle`, rad, and are
+/// one, that of the side within it.
+fn edge_direction([one, other]: [Vector3<f64>; 2], along: Vector3<f64>, least_angle: f64) -> Vector3<f64> {
     let meet = one.cross(&other);
     let within = |normal: Vector3<f64>| along - normal * along.dot(&normal);
     let direction = match meet.norm() {
-        angle if angle > SAME_PLANE => meet * meet.dot(&along).signum(),
+        angle if angle > least_angle => meet * meet.dot(&along).signum(),
         _ => within((one + other).try_normalize(0.0).unwrap_or(one)),
     };
     let straight = along.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
