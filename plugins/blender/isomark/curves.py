@@ -117,3 +117,27 @@ def _rational(homogeneous, knots, order, span, t):
             share = ((t - low) / (high - low))[:, None] if high > low else np.zeros((len(t), 1))
             rows[index] = (1 - share) * rows[index - 1] + share * rows[index]
     return rows[degree][:, :-1] / rows[degree][:, -1:]
+
+
+def chains(edges):
+    """Edges, given as pairs of points, joined where two of them meet: for each chain its points, and whether it is closed."""
+    meeting = {}
+    for number, edge in enumerate(edges):
+        for point in edge:
+            meeting.setdefault(point, []).append(number)
+    # From the ends first; what is then left are rings.
+    starts = [point for point in meeting if len(meeting[point]) != 2] + list(meeting)
+    found, is_used = [], [False] * len(edges)
+    for start in starts:
+        for number in meeting[start]:
+            chain = [start]
+            while not is_used[number]:
+                is_used[number] = True
+                first, second = edges[number]
+                chain.append(second if chain[-1] == first else first)
+                if len(meeting[chain[-1]]) == 2:
+                    number = sum(meeting[chain[-1]]) - number
+            if len(chain) > 1:
+                is_ring = len(chain) > 3 and chain[0] == chain[-1]
+                found.append((chain[:-1] if is_ring else chain, is_ring))
+    return found

@@ -21,6 +21,10 @@ Drawing = namedtuple("Drawing", "paths notices")
 # Deviation from the frame's plane that needs no notice, mm.
 _FLAT = 0.01
 _CATMULL_ROM, _POLY, _BEZIER, _NURBS = range(4)
+# Modifiers that Blender applies to control points if "Apply on Spline" is on; a hook always moves control points.
+_ON_CONTROL_POINTS = {"CAST", "CURVE", "LATTICE", "SHRINKWRAP", "SIMPLE_DEFORM", "WARP", "WAVE"}
+# What Blender writes where an instance has no further number.
+_NO_NUMBER = 2 ** 31 - 1
 
 
 def millimetres(scene):
@@ -46,7 +50,7 @@ def frame_of(empty, context):
     if empty is None:
         return Frame(np.zeros(3), np.eye(3))
     refuse_hidden(empty, context)
-    matrix = np.array(empty.matrix_world, float)
+    matrix = np.array(empty.evaluated_get(context.evaluated_depsgraph_get()).matrix_world, float)
     axes = matrix[:3, :3]
     if abs(np.linalg.det(axes)) < 1e-12 * max(1e-12, np.abs(axes).max() ** 3):
         raise Trouble(f"The frame {empty.name} has the scale 0.", "Clear its scale with Alt+S.")
@@ -61,6 +65,19 @@ def frame_of(empty, context):
 def quaternion(frame):
     """The rotation of the frame as (w, x, y, z)."""
     return tuple(Matrix(frame.axes.tolist()).to_quaternion())
+
+
+def instances(evaluated, depsgraph):
+    """What the view shows of other geometry at an object: instances of geometry nodes, of vertices or faces, of particles.
+
+    Each is valid only until the next one.
+    """
+    for instance in depsgraph.object_instances:
+        if instance.is_instance and instance.parent == evaluated:
+            # Blender lists the mesh of a text, a surface and a metaball itself, too: with a single number.
+            is_itself = instance.object.original == evaluated.original and instance.persistent_id[1] == _NO_NUMBER
+            if not is_itself:
+                yield instance
 
 
 def refuse_hidden(item, context):
@@ -80,16 +97,19 @@ def read(objects, frame, context):
     if not objects:
         raise Trouble("There is no drawing yet.",
                       "Select curves, texts or grease pencil in the view and press Use Selected.")
-    depsgraph = context.evaluated_depsgraph_get()
-    scale = millimetres(context.scene)
-    paths, notices = [], []
     for item in objects:
         if item.type not in TYPES:
             raise Trouble(f"The object {item.name} is a {item.type.lower()}, which is not a drawing.",
                           "Convert it with Object > Convert > Curve, or remove it from the list.")
         refuse_hidden(item, context)
-        if item.mode == "EDIT" and item.type in ("CURVE", "FONT"):
+        if item.type in ("CURVE", "FONT") and item.data.is_editmode:
             item.update_from_editmode()
+            # The view already evaluated the edit, but with the splines of the edit before.
+            item.data.update_tag()
+    depsgraph = context.evaluated_depsgraph_get()
+    scale = millimetres(context.scene)
+    paths, notices = [], []
+    for item in objects:
         evaluated = item.evaluated_get(depsgraph)
         place = _Place(frame, np.array(evaluated.matrix_world, float), scale)
         if item.type in ("CURVE", "FONT"):
@@ -107,6 +127,8 @@ def read(objects, frame, context):
             paths.append(dxf.Path(layer, closed and len(flat) > 2, flat.tolist()))
         if count == len(paths):
             notices.append(f"{item.name} contains no line.")
+        if any(instances(evaluated, depsgraph)):
+            notices.append(f"{item.name}: its instances are not marked. Realize them in the geometry nodes.")
         if place.off > _FLAT:
             notices.append(f"{item.name} is up to {place.off:.2f} mm off the plane of the frame; its view along the "
                            "frame's Z is marked.")
@@ -149,15 +171,21 @@ def _coordinates(collection, attribute, width=3):
 def _of_curve(item, evaluated, depsgraph, place, notices):
     """Paths of a curve or of the outlines of a text."""
     data = item.data
-    if data.bevel_depth or data.extrude or data.bevel_object or data.bevel_mode == "OBJECT":
+    has_body = data.bevel_depth or data.extrude or data.bevel_object or data.bevel_mode == "OBJECT"
+    if has_body:
         notices.append(f"{item.name}: bevel and extrusion are ignored, the line itself is marked.")
-    if item.type == "FONT" and data.offset or item.type == "CURVE" and data.offset:
+    if beyond := _beyond_splines(item):
+        names = ", ".join(beyond)
+        lines = [] if has_body else _shown_lines(evaluated)
+        if lines:
+            notices.append(f"{item.name}: its lines are marked as the view shows them after {names}, with the steps of its "
+                           "Resolution Preview. Raise that for finer curves.")
+            yield from ((place(points), closed) for points, closed in lines)
+            return
+        remedy = "Set its bevel and extrusion to 0" if has_body else "Convert it with Object > Convert > Curve"
+        notices.append(f"{item.name}: {names} is not applied, so the mark differs from the view. {remedy}.")
+    if data.offset:
         notices.append(f"{item.name}: its offset is ignored.")
-    shown = [modifier.name for modifier in item.modifiers if modifier.show_viewport]
-    if shown:
-        what = "modifiers that move points are applied, others" if item.type == "CURVE" else "modifiers"
-        notices.append(f"{item.name}: {what} are ignored ({', '.join(shown)}). Convert it to a curve to mark "
-                       "all that it shows.")
     flat = evaluated.to_curve(depsgraph, apply_modifiers=item.type == "CURVE")
     try:
         for number, spline in enumerate(flat.splines, 1):
@@ -168,6 +196,31 @@ def _of_curve(item, evaluated, depsgraph, place, notices):
                 yield points, closed
     finally:
         evaluated.to_curve_clear()
+
+
+def _beyond_splines(item):
+    """The names of the modifiers that the view shows and that the splines of the evaluated object do not have."""
+    shown = [modifier for modifier in item.modifiers
+             if modifier.show_viewport and (modifier.show_in_editmode or not item.data.is_editmode)]
+    return [modifier.name for modifier in shown
+            if item.type == "FONT" or modifier.type != "HOOK"
+            and not (modifier.type in _ON_CONTROL_POINTS and modifier.use_apply_on_spline)]
+
+
+def _shown_lines(evaluated):
+    """The lines that the view shows: points and whether they are closed. A filled curve shows the border of its faces."""
+    mesh = evaluated.to_mesh()
+    if mesh is None:
+        return []
+    try:
+        points = _coordinates(mesh.vertices, "co")
+        ends, sides = np.empty(len(mesh.edges) * 2, np.int32), np.empty(len(mesh.loops), np.int32)
+        mesh.edges.foreach_get("vertices", ends)
+        mesh.loops.foreach_get("edge_index", sides)
+    finally:
+        evaluated.to_mesh_clear()
+    border = np.bincount(sides, minlength=len(ends) // 2) < 2
+    return [(points[chain], closed) for chain, closed in curves.chains(ends.reshape(-1, 2)[border].tolist())]
 
 
 def _of_spline(spline, place):

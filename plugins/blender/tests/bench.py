@@ -246,6 +246,27 @@ def length(points, closed=False):
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
+def off(line, points):
+    """The distance of each point from a polyline."""
+    begin, step = line[:-1], np.diff(line, axis=0)
+    squared = np.maximum((step ** 2).sum(axis=1), 1e-18)
+    along = np.clip(((points[:, None] - begin) * step).sum(axis=2) / squared, 0, 1)
+    return np.linalg.norm(begin + along[:, :, None] * step - points[:, None], axis=2).min(axis=1)
+
+
+def node_group(item):
+    """A new geometry-node modifier of an object: its group, with the nodes of its input and its output."""
+    modifier = item.modifiers.new("Nodes", "NODES")
+    modifier.node_group = group = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    if hasattr(group, "interface"):
+        for side in ("INPUT", "OUTPUT"):
+            group.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+    else:
+        group.inputs.new("NodeSocketGeometry", "Geometry")
+        group.outputs.new("NodeSocketGeometry", "Geometry")
+    return group, group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+
+
 def on_surface(shape, points, matrix):
     """Points of the laser's view, mm, on the surface: along the beam, by bisection between the horizon and the laser."""
     axes = np.array(matrix)[:3, :3]

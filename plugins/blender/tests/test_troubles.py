@@ -235,15 +235,8 @@ class Inputs(SceneTest):
 
     def test_materials_of_geometry_nodes_and_of_the_object_are_those_of_the_part(self):
         can, path = Can().part(), self.folder / "can.glb"
-        nodes = can.modifiers.new("Nodes", "NODES")
-        nodes.node_group = group = bpy.data.node_groups.new("paint", "GeometryNodeTree")
-        if hasattr(group, "interface"):
-            for side in ("INPUT", "OUTPUT"):
-                group.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
-        else:
-            group.inputs.new("NodeSocketGeometry", "Geometry")
-            group.outputs.new("NodeSocketGeometry", "Geometry")
-        begin, paint, end = map(group.nodes.new, ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+        group, begin, end = bench.node_group(can)
+        paint = group.nodes.new("GeometryNodeSetMaterial")
         paint.inputs["Material"].default_value = bpy.data.materials.new("mark")
         group.links.new(begin.outputs[0], paint.inputs[0])
         group.links.new(paint.outputs[0], end.inputs[0])
