@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the buttons do."""
 
+import math
 import time
 
 import bpy
@@ -78,14 +79,8 @@ class IsomarkAddFrame(bpy.types.Operator):
         settings = context.scene.isomark
         origin, z, size = context.scene.cursor.location.copy(), Vector((0, 0, 1)), 0.02
         item = settings.part
-        if item is not None and item.type == "MESH":
-            depsgraph = context.evaluated_depsgraph_get()
-            evaluated = item.evaluated_get(depsgraph)
-            world = evaluated.matrix_world
-            if abs(world.determinant()) > 1e-30:
-                found, point, normal, _ = evaluated.closest_point_on_mesh(world.inverted() @ origin)
-                if found:
-                    origin, z = world @ point, (world.inverted().transposed().to_3x3() @ normal).normalized()
+        if item is not None:
+            origin, z = part.nearest(item, origin, context) or (origin, z)
             size = max(item.dimensions) * 0.2
         level = Vector((0, 0, 1)).cross(z)
         x = level.normalized() if level.length > 0.1 else Vector((1, 0, 0))
@@ -101,7 +96,8 @@ class IsomarkAddFrame(bpy.types.Operator):
 
 
 class IsomarkLayOnFrame(bpy.types.Operator):
-    """Moves the objects of the drawing to the frame: their origin to its origin, their X and Y to its X and Y"""
+    """Lays the drawing on the frame: the origin of its first object on the frame's origin, with X and Y along the frame's.
+    Objects that are parallel to the first keep their place beside it; others are laid on the origin, too"""
     bl_idname = "isomark.lay_on_frame"
     bl_label = "Lay Drawing on Frame"
     bl_options = {"REGISTER", "UNDO"}
@@ -112,16 +108,84 @@ class IsomarkLayOnFrame(bpy.types.Operator):
 
     def execute(self, context):
         settings = context.scene.isomark
+        items = [entry.item for entry in settings.drawings if entry.item is not None]
+        context.view_layer.update()
         try:
             frame = drawing.frame_of(settings.frame, context)
+            places = _places_on(frame, items)
         except Trouble as trouble:
             self.report({"ERROR"}, str(trouble))
             return {"CANCELLED"}
-        place = Matrix.Translation(frame.origin) @ Matrix(frame.axes.tolist()).to_4x4()
-        for entry in settings.drawings:
-            if entry.item is not None:
-                entry.item.matrix_world = place @ Matrix.Diagonal((*entry.item.matrix_world.to_scale(), 1.0))
+        # A parent takes its children along, so it is laid before them.
+        for item, place in sorted(places, key=lambda entry: _depth(entry[0])):
+            # Blender states every mirror of a matrix as three negative scales; this keeps the axis that is mirrored.
+            signs = _signs(item)
+            item.matrix_world = place @ Matrix.Diagonal((*signs, 1))
+            item.scale = [scale * sign for scale, sign in zip(item.scale, signs)]
+            context.view_layer.update()
+        held = [item.name for item, place in places if not _is_close(item.matrix_world, place)]
+        if held:
+            self.report({"WARNING"}, f"Not laid on the frame: {', '.join(held)}. Remove what holds it: constraints, drivers, "
+                                     "animation, locks, or a parent whose scale differs between the axes.")
         return {"FINISHED"}
+
+
+# Cosine of the angle up to which two planes are parallel: 0.1 degrees.
+_PARALLEL = 1 - 1.5e-6
+
+
+def _places_on(frame, items):
+    """The objects with their matrices on the frame.
+
+    Raises Trouble if one has no axes, because its scale is 0.
+    """
+    found, first = [], None
+    place = Matrix.Translation(frame.origin) @ Matrix(frame.axes.tolist()).to_4x4()
+    for item in items:
+        axes = _axes(item, place.col[2].to_3d())
+        first = first or axes.inverted()
+        beside = first @ axes
+        if beside[2][2] > _PARALLEL:
+            # Beside the first, and in its plane.
+            beside[2][3] = 0
+        else:
+            beside = Matrix.Identity(4)
+        found.append((item, place @ beside @ axes.inverted() @ item.matrix_world))
+    return found
+
+
+def _signs(item):
+    """1 for each axis of an object, -1 where its own scale mirrors it."""
+    return [math.copysign(1, scale * delta) for scale, delta in zip(item.scale, item.delta_scale)]
+
+
+def _axes(item, normal):
+    """The origin of an object and its axes X and Y, without scale; a mirrored object has those of before the mirror.
+
+    `normal` is that of the frame: who sees an object in another plane sees it from above.
+    """
+    world, signs = item.matrix_world, _signs(item)
+    if abs(world.determinant()) <= 1e-12 * max(1e-12, math.prod(axis.length for axis in world.to_3x3().col)):
+        raise Trouble(f"The object {item.name} has the scale 0.", "Clear its scale with Alt+S.")
+    x, y = world.col[0].to_3d(), world.col[1].to_3d()
+    z = x.cross(y)
+    above = normal if abs(z.normalized().dot(normal)) > _PARALLEL else Vector((0, 0, 1))
+    is_mirrored = world.determinant() < 0
+    if is_mirrored != (math.prod(signs) < 0) or signs == [-1, -1, -1] and z.dot(above) < 0:
+        # A parent mirrors it, or a matrix did, from which Blender made three negative scales.
+        signs = [-1 if is_mirrored else 1, 1, 1]
+    x, z = (x * signs[0]).normalized(), (z * signs[0] * signs[1]).normalized()
+    return Matrix.Translation(world.translation) @ Matrix((x, z.cross(x), z)).transposed().to_4x4()
+
+
+def _depth(item):
+    """The number of an object's parents."""
+    return 0 if item.parent is None else 1 + _depth(item.parent)
+
+
+def _is_close(matrix, other):
+    size = max(abs(value) for row in other for value in row)
+    return all(abs(one - two) <= 1e-4 * size for row, second in zip(matrix, other) for one, two in zip(row, second))
 
 
 class _Background(bpy.types.Operator):

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads an object of the scene as a part: its mesh with all modifiers, in the axes of the world, in metres."""
+"""Reads an object of the scene as a part: its mesh with all modifiers and instances, in the axes of the world, in metres."""
 
 from collections import namedtuple
 
+import bmesh
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from . import drawing, glb
 from .trouble import Trouble
@@ -28,22 +30,12 @@ def read(item, frame, context):
     if item.type not in TYPES:
         raise Trouble(f"The object {item.name} is a {item.type.lower()}, which has no faces.", "Choose a mesh as the part.")
     drawing.refuse_hidden(item, context)
-    if item.mode == "EDIT" and item.type == "MESH":
-        item.update_from_editmode()
-    depsgraph = context.evaluated_depsgraph_get()
-    evaluated = item.evaluated_get(depsgraph)
     metres = context.scene.unit_settings.scale_length
-    mesh = evaluated.to_mesh()
-    try:
-        pieces = _pieces(evaluated, mesh, np.array(evaluated.matrix_world, float), metres)
-    finally:
-        evaluated.to_mesh_clear()
+    pieces = [piece for shown, mesh, matrix in _meshes(item, context)
+              for piece in _pieces(shown, mesh, np.array(matrix, float), metres)]
     triangles = sum(len(piece.triangles) for piece in pieces)
     if not triangles:
-        remedy = "Choose an object with faces as the part."
-        if any(modifier.type == "NODES" for modifier in item.modifiers):
-            remedy = "Realize its instances in the geometry nodes, or apply the modifier."
-        raise Trouble(f"The part {item.name} has no faces.", remedy)
+        raise Trouble(f"The part {item.name} has no faces.", "Choose an object with faces as the part.")
     points = np.vstack([piece.points for piece in pieces])
     if not np.isfinite(points).all():
         raise Trouble(f"The part {item.name} has points at infinity.", "Remove the broken vertices.")
@@ -54,6 +46,44 @@ def read(item, frame, context):
     node = None if frame is None else (tuple(frame.origin * metres), drawing.quaternion(frame))
     name = "part" if item.name == "isomark" else item.name
     return Part(glb.write_part(name, pieces, node), triangles, _notices(item))
+
+
+def nearest(item, point, context):
+    """The point of the part that is nearest to a point of the world, with the normal there; None without faces."""
+    found = None
+    for _, mesh, matrix in _meshes(item, context):
+        faces = bmesh.new()
+        try:
+            faces.from_mesh(mesh)
+            faces.transform(matrix)
+            faces.normal_update()
+            place, normal, _, distance = BVHTree.FromBMesh(faces).find_nearest(point)
+        finally:
+            faces.free()
+        if place is not None and (found is None or distance < found[2]):
+            # A mirrored object shows the back of its triangles.
+            found = place, -normal if matrix.determinant() < 0 else normal, distance
+    return found and found[:2]
+
+
+def _meshes(item, context):
+    """What the view shows of an object and its instances: evaluated objects with their meshes and matrices."""
+    if item.mode == "EDIT" and item.type == "MESH":
+        item.update_from_editmode()
+    depsgraph = context.evaluated_depsgraph_get()
+    evaluated = item.evaluated_get(depsgraph)
+    yield from _mesh(evaluated, evaluated.matrix_world)
+    for instance in drawing.instances(evaluated, depsgraph):
+        yield from _mesh(instance.object, instance.matrix_world)
+
+
+def _mesh(evaluated, matrix):
+    mesh = evaluated.to_mesh() if evaluated.type in (*TYPES, "CURVE", "FONT") else None
+    if mesh is not None:
+        try:
+            yield evaluated, mesh, matrix
+        finally:
+            evaluated.to_mesh_clear()
 
 
 def _pieces(evaluated, mesh, matrix, metres):

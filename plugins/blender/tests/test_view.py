@@ -1,11 +1,14 @@
 """What is marked is what the view shows, judged on the geometry that Blender itself evaluates."""
 
+from unittest import mock
+
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
+from mathutils.bvhtree import BVHTree
 
 import bench
-from bench import SceneTest, addon
+from bench import Can, SceneTest, addon
 
 # Modifiers that move points, with settings under which they do.
 MODIFIERS = {"CAST": {"cast_type": "CUBOID", "factor": 0.6}, "SIMPLE_DEFORM": {"deform_method": "BEND", "deform_axis": "Z", "angle": 0.8}, "WARP": {},
@@ -153,3 +156,103 @@ class Modified(SceneTest):
         notices = " ".join(read(item).notices)
         self.assertIn("the CAST, Nodes is not applied", notices)
         self.assertIn("instances are not marked", notices)
+
+
+class Laid(SceneTest):
+    def lay(self, *items):
+        """Lays the drawing on the frame of the can."""
+        self.use(None, items, bench.frame_at(Can.frame_matrix))
+        self.assertEqual(bpy.ops.isomark.lay_on_frame(), {"FINISHED"})
+        bpy.context.view_layer.update()
+
+    def check(self, item, expected):
+        """The object's matrix is `expected` in the axes of the frame."""
+        difference = np.array(item.matrix_world) - np.array(Can.frame_matrix @ expected)
+        self.assertLess(np.abs(difference).max(), 1e-4, item.name)
+
+    def test_a_mirror_stays_a_mirror_and_is_not_turned(self):
+        for scale in ((-1, 1, 1), (1, -1, 1), (1, 1, -1), (-2, 3, 1), (-1, -1, 1), (-1, -1, -1)):
+            item = link("Text", bpy.data.curves.new("Text", "FONT"))
+            item.rotation_euler, item.location, item.scale = (0.3, 0.4, 0.5), (7, 8, 9), scale
+            for _ in range(2):
+                self.lay(item)
+                self.check(item, Matrix.Diagonal((*scale, 1)))
+        # A matrix states no axis: what is mirrored as seen from above, or from the laser, stays so.
+        item.matrix_world = Matrix.Diagonal((-1, 1, 1, 1))
+        for _ in range(2):
+            self.lay(item)
+            self.check(item, Matrix.Diagonal((-1, 1, 1, 1)))
+
+    def test_objects_keep_their_places_beside_the_first(self):
+        first, child, above, tilted = (link(name, bpy.data.curves.new(name, "FONT")) for name in ("A", "B", "C", "D"))
+        first.parent, child.parent = above, first
+        above.location, above.rotation_euler = (50, 60, 70), (0, 0, 0.5)
+        first.location, child.location, child.rotation_euler = (0, -15, -3), (4, 5, 3), (0, 0, 0.2)
+        tilted.location, tilted.rotation_euler = (10, 20, 30), (1, 0, 0)
+        for _ in range(2):
+            self.lay(first, child, above, tilted)
+            self.check(first, Matrix.Identity(4))
+            self.check(child, Matrix.Translation((4, 5, 0)) @ Matrix.Rotation(0.2, 4, "Z"))
+            self.check(above, Matrix.Translation((0, 15, 0)))
+            self.check(tilted, Matrix.Identity(4))
+
+    def test_an_object_that_is_held_or_has_no_axes_is_named(self):
+        item = link("Held", bpy.data.curves.new("Held", "FONT"))
+        item.constraints.new("LIMIT_LOCATION").use_max_z = True
+        self.use(None, [item], bench.frame_at(Can.frame_matrix))
+        # Blender gives the warnings of an operator to nobody but its window.
+        operator = mock.Mock()
+        addon("operators").IsomarkLayOnFrame.execute(operator, bpy.context)
+        self.assertIn("Held. Remove what holds it", operator.report.call_args[0][1])
+        item.constraints.clear()
+        item.scale = (1, 1, 0)
+        with self.assertRaisesRegex(RuntimeError, "Held has the scale 0"):
+            bpy.ops.isomark.lay_on_frame()
+
+
+class Parts(SceneTest):
+    def test_instances_of_a_part_are_read_with_it(self):
+        can = Can().part()
+        group, begin, end = bench.node_group(can)
+        kinds = ("Points", "InstanceOnPoints", "MeshCube", "JoinGeometry", "SetMaterial")
+        point, instance, cube, join, paint = (group.nodes.new(f"GeometryNode{kind}") for kind in kinds)
+        point.inputs["Position"].default_value = (4, -33, 16)
+        cube.inputs["Size"].default_value = (20, 20, 20)
+        paint.inputs["Material"].default_value = bpy.data.materials.new("mark")
+        for source, target in ((point, instance.inputs["Points"]), (cube, paint.inputs[0]), (paint, instance.inputs["Instance"]),
+                               (instance, join.inputs[0]), (begin, join.inputs[0]), (join, end.inputs[0])):
+            group.links.new(source.outputs[0], target)
+        can.location = (1, 2, 3)
+        bpy.context.view_layer.update()
+        part = addon("part")
+        found = part.read(can, None, bpy.context)
+        self.assertEqual(found.triangles, 256 * 2 + 254 * 2 + 12)
+        self.assertIn(b'"name":"mark"', found.glb)
+        place, normal = part.nearest(can, Vector((6, -90, 20)), bpy.context)
+        self.assertLess(max((place - Vector((6, -41, 20))).length, (normal - Vector((0, -1, 0))).length), 1e-4)
+
+    def test_a_surface_is_read_once(self):
+        bpy.ops.surface.primitive_nurbs_surface_cylinder_add(radius=33)
+        item = bench.named("Surface")
+        shown, mesh = evaluated(item)
+        mesh.calc_loop_triangles()
+        count = len(mesh.loop_triangles)
+        shown.to_mesh_clear()
+        self.assertEqual(addon("part").read(item, None, bpy.context).triangles, count)
+
+    def test_a_frame_is_put_at_the_nearest_point_of_a_stretched_or_mirrored_part(self):
+        can = Can().part()
+        self.settings.part = can
+        for scale in ((4, 1, 1), (-4, 1, 1), (-1, -1, -1)):
+            can.scale, can.rotation_euler = scale, (0, 0, 0.4)
+            bpy.context.scene.cursor.location = (60 * abs(scale[0]), -60, 20)
+            bpy.context.view_layer.update()
+            points = seen(can)
+            tree = BVHTree.FromPolygons(points.tolist(), [tuple(polygon.vertices) for polygon in can.data.polygons])
+            place, _, _, distance = tree.find_nearest(bpy.context.scene.cursor.location)
+            bpy.ops.isomark.add_frame()
+            bpy.context.view_layer.update()
+            found = self.settings.frame.matrix_world
+            self.assertLess((found.translation - place).length, 1e-3, scale)
+            towards = (bpy.context.scene.cursor.location - place) / distance
+            self.assertGreater(found.col[2].to_3d().dot(towards), 0.99, scale)
