@@ -9,6 +9,7 @@ from .trouble import Trouble
 _EVERY_S = 0.25
 _current = None
 _changed = False
+_choices = None
 _quiet = True
 
 
@@ -61,7 +62,10 @@ def _tick():
 
 
 def _step(context):
-    global _current, _changed
+    global _current, _changed, _choices
+    # Blender reports neither what is chosen in the panel nor the unit of the scene.
+    if _choices != (_choices := session.choices(context)):
+        _changed, session.live_digest = True, None
     if _current is not None:
         if _current.cancelled:
             _current.end()
@@ -72,8 +76,14 @@ def _step(context):
             run.finish(context)
         session.redraw()
     elif _changed and _quiet and session.run is None:
-        _changed = False
-        export = session.Export(context)
+        try:
+            export = session.Export(context)
+        except Trouble:
+            session.live_digest = None
+            raise
+        finally:
+            # Reading what is being edited makes Blender report a change.
+            _changed = False
         # The new mark is a change of the scene, too.
         if export.digest() != session.live_digest:
             session.live_digest = export.digest()

@@ -46,6 +46,14 @@ def names(settings):
     return sku and station.plain_name(sku, "part"), name and station.plain_name(name, "drawing")
 
 
+def choices(context):
+    """What a person chooses beside the objects themselves, as a value that changes with any of it."""
+    settings, chosen = context.scene.isomark, preferences(context)
+    items = (settings.part, settings.frame, *(entry.item for entry in settings.drawings))
+    return (context.scene.unit_settings.scale_length, settings.sku, settings.name, chosen.program, chosen.station,
+            tuple(item and (item.name, item.name in context.view_layer.objects) for item in items))
+
+
 class Export:
     """The part and the drawing of a scene as files, with sentences about what was not taken as it is."""
 
@@ -105,17 +113,13 @@ class Run:
         return self._child.poll() is not None
 
     def finish(self, context):
-        """Waits, then shows the mark and the values. Raises Trouble with isomark's reason; the mark is removed then."""
+        """Waits, then shows the mark and the values. Raises Trouble with isomark's reason."""
+        report = program.result(self._child.wait())
         try:
-            report = program.result(self._child.wait())
-            try:
-                data = self._on_part.read_bytes()
-            except OSError as error:
-                raise Trouble("isomark did not write the mark on the part.", "Install the newest isomark.") from error
-            on_part = glb.read_on_part(data)
-        except Trouble:
-            mark.clear(context.scene)
-            raise
+            data = self._on_part.read_bytes()
+        except OSError as error:
+            raise Trouble("isomark did not write the mark on the part.", "Install the newest isomark.") from error
+        on_part = glb.read_on_part(data)
         _last_glb[context.scene.name] = on_part
         mark.show(context.scene, on_part, context.scene.isomark)
         context.scene.isomark.outcome = json.dumps(_outcome(report, self.export))
@@ -133,7 +137,8 @@ def show_again(context):
 
 
 def note(scene, trouble):
-    """Shows the trouble in the panel."""
+    """Shows the trouble in the panel, and removes the mark: it is that of an earlier drawing."""
+    mark.clear(scene)
     scene.isomark.outcome = json.dumps({"what": trouble.what, "remedy": trouble.remedy})
 
 

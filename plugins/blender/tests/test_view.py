@@ -1,5 +1,6 @@
 """What is marked is what the view shows, judged on the geometry that Blender itself evaluates."""
 
+import json
 from unittest import mock
 
 import bpy
@@ -8,7 +9,7 @@ from mathutils import Matrix, Vector
 from mathutils.bvhtree import BVHTree
 
 import bench
-from bench import Can, SceneTest, addon
+from bench import Can, Mouse, SceneTest, addon
 
 # Modifiers that move points, with settings under which they do.
 MODIFIERS = {"CAST": {"cast_type": "CUBOID", "factor": 0.6}, "SIMPLE_DEFORM": {"deform_method": "BEND", "deform_axis": "Z", "angle": 0.8}, "WARP": {},
@@ -66,6 +67,19 @@ class Edited(SceneTest):
                     line, = lines(read(one))
                     self.assertLess(bench.off(line, points[:, :2]).max(), 0.01, (one.name, step))
             bpy.ops.object.mode_set(mode="OBJECT")
+
+    def test_live_does_not_take_its_own_reading_for_an_edit(self):
+        live, mouse = addon("live"), Mouse()
+        part, items = mouse.part(), bench.drawings(mouse.frame_matrix)
+        self.use(part, items)
+        bpy.context.view_layer.objects.active = items[1]
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.context.window_manager.isomark_live = True
+        self.addCleanup(live.stop)
+        bench.until(lambda: live._tick() and self.settings.outcome)
+        for _ in range(3):
+            live._tick()
+        self.assertFalse(live._changed)
 
     def test_a_frame_that_was_just_moved_is_read_where_it_is(self):
         frame = bench.frame_at(Matrix.Identity(4))
@@ -256,3 +270,36 @@ class Parts(SceneTest):
             self.assertLess((found.translation - place).length, 1e-3, scale)
             towards = (bpy.context.scene.cursor.location - place) / distance
             self.assertGreater(found.col[2].to_3d().dot(towards), 0.99, scale)
+
+
+class Followed(SceneTest):
+    def test_a_mark_goes_with_its_drawing_and_follows_the_unit_of_the_scene(self):
+        live, mouse = addon("live"), Mouse()
+        item, = bench.drawings(mouse.frame_matrix)[3:4]
+        self.use(mouse.part(), [item])
+        bpy.context.window_manager.isomark_live = True
+        self.addCleanup(live.stop)
+
+        def outcome():
+            live._tick()
+            return live._current is None and json.loads(self.settings.outcome or "{}")
+        first = bench.until(outcome)
+        bpy.context.scene.unit_settings.scale_length = 0.0015
+        scaled = bench.until(lambda: (now := outcome()) and now != first and now)
+        self.assertAlmostEqual(scaled["length_mm"], 1.5 * first["length_mm"], places=3)
+        self.assertTrue(addon("mark").find(bpy.context.scene, "mark"))
+        bpy.context.scene.collection.objects.unlink(item)
+        bpy.context.view_layer.update()
+        gone = bench.until(lambda: (now := outcome()) and "what" in now and now)
+        self.assertIn("not in this scene", gone["what"])
+        self.assertIsNone(addon("mark").find(bpy.context.scene, "mark"))
+        bpy.context.scene.collection.objects.link(item)
+        bpy.context.view_layer.update()
+        again = bench.until(lambda: (now := outcome()) and "what" not in now and now)
+        self.assertAlmostEqual(again["length_mm"], scaled["length_mm"], places=3)
+        self.assertTrue(addon("mark").find(bpy.context.scene, "mark"))
+        # The button leaves no old mark, either.
+        self.settings.drawings.clear()
+        with self.assertRaisesRegex(RuntimeError, "no drawing"):
+            bpy.ops.isomark.show()
+        self.assertIsNone(addon("mark").find(bpy.context.scene, "mark"))
