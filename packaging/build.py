@@ -34,7 +34,7 @@ from licenses import Failure
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("watch-config", "examples/parts", "examples/patterns", "examples/skus", "plugins/schemas", "plugins/service",
            "plugins/beamconstruct")
-FILES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE-MIT", "LICENSE-APACHE", "examples/mouse.svg",
+FILES = ("CHANGELOG.md", "CONTRIBUTING.md", "LICENSE-MIT", "LICENSE-APACHE", "examples/mouse.svg",
          "examples/distortion_trade.svg", "examples/mark-on-part.png",
          "packaging/README.md", "plugins/README.md", "plugins/codes.md", "plugins/blender/README.md",
          "plugins/blender/panel.png", "plugins/blender/isomark/LICENSE", "plugins/freecad/README.md",
@@ -125,9 +125,19 @@ def plugins(folder):
     return [freecad(folder), blender(folder)]
 
 
+def readme():
+    """README.md, in which the section about the package replaces the one about building the program."""
+    sections = re.split(r"(?m)^(?=## )", content(ROOT / "README.md").decode())
+    found = [number for number, section in enumerate(sections) if section.startswith("## Try it\n")]
+    if len(found) != 1:
+        raise Failure("README.md: expected one section `## Try it`. Correct it, or this script")
+    sections[found[0]] = content(ROOT / "packaging" / "try-it.md").decode()
+    return "".join(sections).encode()
+
+
 def shared(work):
     """What every package with the program contains beside it: path to bytes."""
-    files = {name: content(ROOT / name) for name in FILES}
+    files = {name: content(ROOT / name) for name in FILES} | {"README.md": readme()}
     for folder in FOLDERS:
         files |= {f"{folder}/{name}": found for name, found in tree(ROOT / folder).items()}
     for path in plugins(work):
@@ -257,7 +267,9 @@ def main():
     parser.add_argument("--out", type=Path, metavar="DIR", help="the folder for the packages (default: target/packages)")
     options = parser.parse_args()
     meta = licenses.metadata(ROOT, "--no-deps")
-    meta |= {key: meta["packages"][0][key] for key in ("version", "description")}
+    # The workspace contains other crates, too.
+    own = next(package for package in meta["packages"] if package["name"] == "isomark")
+    meta |= {key: own[key] for key in ("version", "description")}
     folder = options.out or Path(meta["target_directory"]) / "packages"
     folder.mkdir(parents=True, exist_ok=True)
     # Beside the results, so that an incomplete package never has its final name.

@@ -156,6 +156,21 @@ fn assert_links_lead_to_files(folder: &Path) {
     assert!(links > 20, "only {links} links were found");
 }
 
+/// The documents state which commands need the sources, which the package does not contain.
+fn assert_commands_can_be_run(folder: &Path) {
+    let read = |page: &str| fs::read_to_string(folder.join(page)).unwrap();
+    let first = read("README.md");
+    assert!(first.contains("This package contains the program") && first.contains("\nisomark demo --open"));
+    for building in ["cargo run --release -- ", "cargo install", "packaging/build.py"] {
+        assert!(!first.contains(building), "README.md: `{building}`");
+    }
+    for page in ["packaging/README.md", "plugins/blender/README.md"] {
+        for section in read(page).split("\n## ").filter(|section| !section.contains("the sources")) {
+            assert!(!["cargo ", "python3 "].iter().any(|word| section.contains(word)), "{page}: {section}");
+        }
+    }
+}
+
 /// The crates that cargo links for a target, as `name version`.
 fn linked_crates(triple: &str) -> Vec<String> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -193,6 +208,7 @@ fn the_tarball_runs_in_an_empty_folder_with_path_alone() {
     assert_it_works(&start, &folder);
     assert_the_demo_works(&start);
     assert_links_lead_to_files(&folder);
+    assert_commands_can_be_run(&folder);
     let notices = fs::read_to_string(folder.join("THIRD-PARTY-LICENSES.txt")).unwrap();
     let processor = std::env::consts::ARCH;
     assert_licences_are_complete(&notices, &format!("{processor}-unknown-linux-gnu"));
@@ -206,6 +222,10 @@ fn dpkg_installs_the_deb_with_its_dependencies_and_removes_it() {
         return;
     }
     let Some((_out, packages)) = packed(&["deb"], Path::new(PROGRAM)) else { return };
+    let fields =
+        printed(Command::new("dpkg-deb").arg("--field").arg(&packages[0]).args(["Version", "Description"]));
+    let own = (env!("CARGO_PKG_VERSION").replace('-', "~"), env!("CARGO_PKG_DESCRIPTION"));
+    assert!(fields.starts_with(&format!("Version: {}\nDescription: {}\n", own.0, own.1)), "{fields}");
     let place = tempfile::tempdir().unwrap();
     let root = place.path();
     // A system that contains only the libraries of this one: dpkg rejects a package that needs others.
@@ -238,6 +258,7 @@ fn dpkg_installs_the_deb_with_its_dependencies_and_removes_it() {
     let samples = root.join("usr/share/isomark");
     assert_it_works(&start, &samples);
     assert_links_lead_to_files(&samples);
+    assert_commands_can_be_run(&samples);
     let unit = fs::read_to_string(root.join("usr/lib/systemd/system/isomark@.service")).unwrap();
     let line = unit.lines().find_map(|line| line.strip_prefix("ExecStart=/")).unwrap();
     assert!(root.join(line.split(' ').next().unwrap()).is_file(), "{line}");
