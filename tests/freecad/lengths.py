@@ -275,6 +275,7 @@ def ink_beyond_the_selected_faces_is_refused():
         corrected(chosen(item, [sketch]), "outside", bounding=((side + 1) % len(faces),))
     except job.Trouble as trouble:
         assert "Only on the selected faces" in trouble.remedy, trouble
+        assert "outside the selected faces" in trouble.what and "`mark`" not in trouble.what, trouble
         return
     raise AssertionError("ink beyond the selected faces was accepted")
 
@@ -376,8 +377,13 @@ def a_drawing_beside_the_part_is_refused_with_a_remedy():
 class Entry:
     """What FreeCAD's selection gives for an object in the 3-D view or in the tree."""
 
-    def __init__(self, item, *names):
-        self.Object, self.SubElementNames, self.PickedPoints = item, names, []
+    def __init__(self, item, *names, points=()):
+        self.Object, self.SubElementNames, self.PickedPoints = item, names, list(points)
+
+
+def of(entries):
+    """The choice that a selection gives."""
+    return choice.of_selection(entries, entries[0].Object.Document.Name)
 
 
 def refusal(chosen):
@@ -402,7 +408,6 @@ def what_cannot_be_used_is_named():
     plane = document.addObject("PartDesign::Plane", "Plane")
     group = document.addObject("App::DocumentObjectGroup", "Group")
     document.recompute()
-    of = choice.of_selection
     for drawing in (text, dimension):
         assert "text or a dimension" in refusal(of([Entry(can, "Face1"), Entry(drawing)]))
         assert "text or a dimension" in refusal(of([Entry(drawing)]))
@@ -432,10 +437,10 @@ def a_sketch_in_a_linked_body_is_on_the_link():
     link.LinkedObject = body
     link.Placement = FreeCAD.Placement(Vector(40, -25, 12), any_rotation(4))
     document.recompute()
-    chosen_there = choice.of_selection([Entry(link, sketch.Name + ".")])
+    chosen_there = of([Entry(link, sketch.Name + ".")])
     assert chosen_there.part.item == link, chosen_there.part.names()
     check(can, link.Placement, chosen_there, "link", drawn)
-    with_face = choice.of_selection([Entry(link, "Cylinder.Face1", sketch.Name + ".")])
+    with_face = of([Entry(link, "Cylinder.Face1", sketch.Name + ".")])
     assert (with_face.part.item, with_face.faces) == (link, [0])
 
 
@@ -457,21 +462,127 @@ def a_sketch_alone_gets_the_part_of_its_own_container():
     link.Placement = FreeCAD.Placement(Vector(-40, 30, 10), any_rotation(6))
     document.recompute()
     for top in (outer, link):
-        found = choice.of_selection([Entry(top, "Inner.%s." % sketch.Name)])
+        found = of([Entry(top, "Inner.%s." % sketch.Name)])
         assert found.part is not None and found.part.names() == "%s.Inner.%s." % (top.Name, item.Name)
         check(can, top.Placement * inner.Placement, found, "alone", drawn)
+
+
+def corner_sketch(document, container, placement):
+    """A sketch of two lines from its origin: 5 mm along its x, 7 mm along its y."""
+    sketch = document.addObject("Sketcher::SketchObject", "Corner")
+    if container is not None:
+        container.addObject(sketch)
+    for end in ((5, 0, 0), (0, 7, 0)):
+        sketch.addGeometry(Part.LineSegment(Vector(0, 0, 0), Vector(*end)))
+    sketch.Placement = placement
+    document.recompute()
+    return sketch
+
+
+def assert_frame_of_corner(frame, shape, name):
+    """Compares a frame with the first corner of a shape, which FreeCAD placed."""
+    along_x, along_y = sorted(shape.Edges[:2], key=lambda edge: edge.Length)
+    origin = next(
+        one.Point for one in along_x.Vertexes for other in along_y.Vertexes if (one.Point - other.Point).Length < 1e-6
+    )
+    x, y = (max((v.Point - origin for v in edge.Vertexes), key=lambda away: away.Length) for edge in (along_x, along_y))
+    z = x.cross(y)
+    for found, expected in ((frame.x, x), (frame.z, z)):
+        assert (Vector(*found) - expected.normalize()).Length < 1e-6, (name, found, expected)
+    assert (Vector(*frame.origin) - origin).Length < 1e-6, (name, frame.origin, origin)
+
+
+def a_scaled_link_does_not_turn_the_frame():
+    document = FreeCAD.newDocument()
+    body = document.addObject("PartDesign::Body", "Body")
+    cylinder = document.addObject("PartDesign::AdditiveCylinder", "Cylinder")
+    body.addObject(cylinder)
+    cylinder.Radius, cylinder.Height = 30.0, 100.0
+    front = FreeCAD.Placement(Vector(3, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    sketch = corner_sketch(document, body, front)
+    for scale in (1.0, 1.02, 2.0):
+        link = document.addObject("App::Link", "Link")
+        link.LinkedObject, link.Scale = body, scale
+        link.Placement = FreeCAD.Placement(Vector(40, -25, 12), any_rotation(21))
+        document.recompute()
+        found = of([Entry(link, "Cylinder.Face1", sketch.Name + ".")])
+        shape = Part.getShape(link, sketch.Name + ".", needSubElement=False)
+        assert abs(shape.Length - 12.0 * scale) < 1e-6
+        assert_frame_of_corner(found.frame(), shape, scale)
+        assert found.assumed is None
+    # The mark is as long as the link shows the drawing.
+    _, data, _, _ = corrected(found, "scaled")
+    assert abs(Part.makePolygon([Vector(*point, 0) for point in polylines(data)[0][0]]).Length - 24.0) < 0.2
+
+
+def what_shows_a_sketch_has_its_plane_and_its_x():
+    document = FreeCAD.newDocument()
+    plate = document.addObject("Part::Box", "Plate")
+    plate.Length, plate.Width, plate.Height = 100, 60, 10
+    turned = FreeCAD.Placement(Vector(40, 20, 3), FreeCAD.Rotation(Vector(0, 0, 1), 30))
+    # Below the middle of the plate: the side of the laser follows from the sketch alone.
+    sketch = corner_sketch(document, None, turned)
+    elsewhere = FreeCAD.Placement(Vector(50, 30, 2), FreeCAD.Rotation(Vector(0, 0, 1), -70))
+    container = document.addObject("App::Part", "Container")
+    container.Placement = FreeCAD.Placement(Vector(1, 2, 3), any_rotation(2))
+    showing = []
+    for settings in ({}, {"LinkTransform": True}, {"Scale": 1.5}, {"Scale": 1.5, "LinkTransform": True}):
+        link = document.addObject("App::Link", "Link")
+        link.LinkedObject, link.Placement = sketch, elsewhere
+        for name, value in settings.items():
+            setattr(link, name, value)
+        showing.append(link)
+    binder = document.addObject("PartDesign::SubShapeBinder", "Binder")
+    binder.Support = [(sketch, "")]
+    inside = document.addObject("PartDesign::SubShapeBinder", "Binder")
+    container.addObject(inside)
+    inside.Support = [(sketch, "")]
+    older = document.addObject("PartDesign::ShapeBinder", "Binder")
+    older.Support = [(sketch, "")]
+    compound = document.addObject("Part::Compound", "Compound")
+    compound.Links, compound.Placement = [sketch], elsewhere
+    array = Draft.make_ortho_array(sketch, Vector(20, 0, 0), Vector(0, 20, 0), Vector(), 2, 1, 1, use_link=False)
+    document.recompute()
+    linked_compound = document.addObject("App::Link", "Link")
+    linked_compound.LinkedObject, linked_compound.Placement = compound, elsewhere
+    showing += [binder, older, compound, array, linked_compound, Draft.make_clone(sketch)]
+    document.recompute()
+    for item, shape in [(item, Part.getShape(item, "", needSubElement=False)) for item in showing] + [(inside, None)]:
+        choices = chosen(plate, [item])
+        shape = shape or Part.getShape(container, inside.Name + ".", needSubElement=False)
+        assert choice.is_drawing(choices.drawing[0]), item.Name
+        assert_frame_of_corner(choices.frame(), shape, item.Name)
+        assert choices.assumed is None, item.Name
+    # What a sketch does not decide is stated.
+    mirrored = document.addObject("Part::Mirroring", "Mirrored")
+    mirrored.Source, mirrored.Normal = sketch, Vector(1, 0, 0)
+    copy = document.addObject("Part::Feature", "Copy")
+    copy.Shape = sketch.Shape
+    two = document.addObject("Part::Compound", "Two")
+    two.Links = [sketch, corner_sketch(document, None, elsewhere)]
+    document.recompute()
+    for item, words in ((mirrored, "no plane with an x"), (copy, "no plane with an x"), (two, "several sketches")):
+        choices = chosen(plate, [item])
+        choices.frame()
+        what, remedy = choices.assumed
+        assert words in what and item.Label in what and "sketch" in remedy, choices.assumed
 
 
 def a_straight_line_gets_its_plane_from_the_part():
     document = FreeCAD.newDocument()
     can = Can(30.0, 100.0)
     item = feature(document, can, FreeCAD.Placement(Vector(0, 0, -50), FreeCAD.Rotation()))
-    for corners in ([(-4, -3), (8, 6)], [(0, -9), (0, 9)], [(-4, -3), (0, 0), (8, 6)]):
+    for corners in ([(-4, -3), (8, 6)], [(0, -9), (0, 9)], [(-4, -3), (0, 0), (8, 6)], [(-8, 20), (8, 20)]):
         line = Draft.make_wire([Vector(x, -34, z) for x, z in corners])
         document.recompute()
         choices = chosen(item, [line])
         frame = choices.frame()
-        assert max(abs(a - b) for a, b in zip(frame.z, (0, -1, 0))) < 1e-9, frame.z
+        along = (Vector(*frame.z).dot(line.Shape.Vertexes[-1].Point - line.Shape.Vertexes[0].Point)) / line.Shape.Length
+        # The laser looks along the normal of the can under the middle of the line, across the line.
+        middle = line.Shape.BoundBox.Center
+        normal = Vector(middle.x, middle.y, 0).normalize()
+        assert abs(along) < 1e-9 and normal.dot(Vector(*frame.z)) > 0.998, frame.z
+        assert "no plane" in choices.assumed[0]
         _, _, report, mark = corrected(choices, "line")
         points = [point for strip in mark.strips["mark"] for point in strip.points]
         assert all(point[1] < -25.0 for point in points)
@@ -479,6 +590,120 @@ def a_straight_line_gets_its_plane_from_the_part():
     through = Draft.make_wire([Vector(0, 0, -60), Vector(0, 0, 60)])
     document.recompute()
     assert "no plane" in refusal(chosen(item, [through]))
+    into = Draft.make_wire([Vector(0, -34, 10), Vector(0, -54, 10)])
+    document.recompute()
+    assert "points into the part" in refusal(chosen(item, [into]))
+    # Lines together have the plane that they span, whatever their order.
+    upright, level = (Draft.make_wire([Vector(x, -34, z), Vector(-x, -34, -z)]) for x, z in ((0, 10), (8, 0)))
+    document.recompute()
+    for lines in ([upright, level], [level, upright]):
+        choices = chosen(item, lines)
+        frame = choices.frame()
+        assert max(abs(a - b) for a, b in zip(frame.z, (0, -1, 0))) < 1e-9, frame.z
+        assert len(choices.paths(frame)) == 2
+
+
+def a_straight_line_in_front_of_a_clicked_face_is_marked_on_it():
+    document = FreeCAD.newDocument()
+    plate = document.addObject("Part::Box", "Plate")
+    plate.Length, plate.Width, plate.Height = 100, 60, 10
+    bottle = document.addObject("Part::Feature", "Bottle")
+    bottle.Shape = Part.makeCylinder(40, 20).fuse(Part.makeCylinder(30, 100))
+    sloped = [Draft.make_wire([Vector(5, y, 2), Vector(15, y, 8)]) for y in (0, -10)]
+    level = Draft.make_wire([Vector(-8, -34, 60), Vector(8, -34, 60)])
+    edge_like = document.addObject("Part::Feature", "Line")
+    edge_like.Shape = Part.makeLine(Vector(-8, -34, 60), Vector(8, -34, 60))
+    document.recompute()
+    front = next(n for n, face in enumerate(plate.Shape.Faces) if abs(face.CenterOfMass.y) < 1e-6)
+    side = next(n for n, face in enumerate(plate.Shape.Faces) if abs(face.CenterOfMass.x) < 1e-6)
+    neck = next(n for n, face in enumerate(bottle.Shape.Faces) if abs(getattr(face.Surface, "Radius", 0) - 30) < 1e-6)
+    for item, face, line, clicked in (
+        (plate, front, sloped[0], (90, 0, 5)),
+        (plate, front, sloped[1], (90, 0, 5)),
+        # A face that the line points into is not the one that is meant.
+        (plate, side, sloped[1], (0, 30, 5)),
+        (bottle, neck, level, (30, 0, 90)),
+        (bottle, neck, edge_like, (30, 0, 90)),
+    ):
+        found = of([Entry(item, "Face%d" % (face + 1), points=[Vector(*clicked)]), Entry(line)])
+        frame, _, _, mark = corrected(found, "clicked")
+        assert max(abs(a - b) for a, b in zip(frame.z, (0, -1, 0))) < 1e-9, (line.Name, frame.z)
+        points = [point for strip in mark.strips["mark"] for point in strip.points]
+        box = line.Shape.BoundBox
+        for axis, low, high in ((0, box.XMin, box.XMax), (2, box.ZMin, box.ZMax)):
+            numbers = [point[axis] for point in points]
+            assert abs(min(numbers) - low) < 0.2 and abs(max(numbers) - high) < 0.2, (line.Name, axis, numbers)
+
+
+def a_face_that_was_not_clicked_has_its_mark_in_the_middle():
+    document = FreeCAD.newDocument()
+    plate = document.addObject("Part::Box", "Plate")
+    plate.Length, plate.Width, plate.Height = 100, 60, 5
+    ring = document.addObject("Part::Feature", "Ring")
+    ring.Shape = Part.makeBox(100, 60, 5).cut(Part.makeCylinder(10, 5, Vector(50, 30, 0)))
+    document.recompute()
+    # What FreeCAD gives for a face that was selected in a box or by a script.
+    found = of([Entry(plate, "Face6", points=[Vector(0, 0, 0)])])
+    found.file = __file__
+    assert (Vector(*found.frame().origin) - plate.Shape.Faces[5].CenterOfMass).Length < 1e-6
+    clicked = of([Entry(plate, "Face6", points=[Vector(10, 20, 5)])])
+    clicked.file = __file__
+    assert (Vector(*clicked.frame().origin) - Vector(10, 20, 5)).Length < 1e-6
+    top = next(n for n, face in enumerate(ring.Shape.Faces) if face.CenterOfMass.z > 5 - 1e-6)
+    found = of([Entry(ring, "Face%d" % (top + 1), points=[Vector(0, 0, 0)])])
+    found.file = __file__
+    assert ring.Shape.Faces[top].distToShape(Part.Vertex(*found.frame().origin))[0] < 1e-6
+
+
+def a_part_that_is_moved_into_a_container_is_followed():
+    document = FreeCAD.newDocument()
+    can = feature(document, Can(30.0, 100.0), FreeCAD.Placement())
+    sketch = corner_sketch(document, None, FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90)))
+    container, outer = (document.addObject("App::Part", name) for name in ("Container", "Outer"))
+    container.Placement = FreeCAD.Placement(Vector(15, 0, 0), FreeCAD.Rotation())
+    outer.Placement = FreeCAD.Placement(Vector(0, 7, 0), FreeCAD.Rotation(Vector(0, 0, 1), 90))
+    document.recompute()
+    side = next(n for n, face in enumerate(can.Shape.Faces) if isinstance(face.Surface, Part.Cylinder))
+    found = of([Entry(can, "Face%d" % (side + 1), points=[Vector(0, -30, 50)]), Entry(sketch)])
+    steps = (
+        (lambda: container.addObject(can), container, can.Name + "."),
+        (lambda: outer.addObject(container), outer, "%s.%s." % (container.Name, can.Name)),
+        (lambda: container.removeObject(can), can, ""),
+    )
+    for change, top, path in steps:
+        change()
+        document.recompute()
+        # As FreeCAD shows it.
+        shape = Part.getShape(top, path, needSubElement=False)
+        assert (found.part.shape().BoundBox.Center - shape.BoundBox.Center).Length < 1e-6
+        assert found.part.names() == "%s.%s" % (top.Name, path)
+        # The clicked point is where it was on the part.
+        assert shape.Faces[side].distToShape(Part.Vertex(*found.picked))[0] < 1e-6
+        assert abs(found.picked[2] - 50.0) < 1e-6
+    # A part in a container that is removed with it.
+    container.addObject(can)
+    found = of([Entry(outer, "%s.%s.Face1" % (container.Name, can.Name)), Entry(sketch)])
+    document.removeObject(can.Name)
+    try:
+        found.part.shape()
+    except choice.Trouble as trouble:
+        assert "was removed" in trouble.what and trouble.remedy
+        return
+    raise AssertionError("a part that was removed has a shape")
+
+
+def what_is_selected_in_another_document_is_named():
+    here, there = FreeCAD.newDocument(), FreeCAD.newDocument()
+    can = feature(here, Can(30.0, 100.0), FreeCAD.Placement())
+    front = FreeCAD.Placement(Vector(0, -30, 50), FreeCAD.Rotation(Vector(1, 0, 0), 90))
+    own, foreign = corner_sketch(here, None, front), corner_sketch(there, None, front)
+    foreign.Label = "Foreign"
+    for entries in ([Entry(can, "Face1"), Entry(foreign)], [Entry(foreign), Entry(can)]):
+        found = choice.of_selection(entries, here.Name)
+        what = refusal(found)
+        assert "Foreign" in what and "another document" in what and there.Label in what, what
+    # Beside a part and a drawing of this document, it is ignored.
+    choice.of_selection([Entry(can, "Face1"), Entry(own), Entry(foreign)], here.Name).check()
 
 
 def drawings_in_different_planes_are_named():
@@ -549,7 +774,13 @@ harness.run(
         what_cannot_be_used_is_named,
         a_sketch_in_a_linked_body_is_on_the_link,
         a_sketch_alone_gets_the_part_of_its_own_container,
+        a_scaled_link_does_not_turn_the_frame,
+        what_shows_a_sketch_has_its_plane_and_its_x,
         a_straight_line_gets_its_plane_from_the_part,
+        a_straight_line_in_front_of_a_clicked_face_is_marked_on_it,
+        a_face_that_was_not_clicked_has_its_mark_in_the_middle,
+        a_part_that_is_moved_into_a_container_is_followed,
+        what_is_selected_in_another_document_is_named,
         edges_with_the_same_hash_are_all_drawn,
         drawings_in_different_planes_are_named,
         a_sketch_in_front_of_an_upright_can,

@@ -245,6 +245,35 @@ def a_drawing_that_was_placed_with_another_frame_is_pointed_out():
         assert "another place" in what and "Do not mark it" in remedy, (what, remedy)
 
 
+def a_rotation_in_the_settings_is_marked_as_it_is_shown():
+    """Of the station and of a product, with and without a rotation in the panel."""
+    made, _, frame = framed_can(0.0)
+    with Running(watched=False) as running:
+        with open(running.file, encoding="utf-8") as file:
+            text = file.read()
+        assert "\nrotate_deg = 0 " in text
+        with open(running.file, "w", encoding="utf-8") as file:
+            file.write(text.replace("\nrotate_deg = 0 ", "\nrotate_deg = 90 "))
+        with open(os.path.join(running.folder, "skus", "own.toml"), "w", encoding="utf-8") as file:
+            file.write("[placement]\nrotate_deg = 45\n")
+        running.watch()
+        for product, rotate, expected in (("can", 0.0, 90.0), ("own", 0.0, 45.0), ("can", 30.0, 30.0), ("own", 360.0, 360.0)):
+            options = {"anchor": "origin", "rotate_deg": rotate, "station": running.file}
+            folder = job.Folder()
+            try:
+                run = job.Run(folder, made, product, "label", options)
+                shown, _ = run.result(*harness.isomark(*run.arguments))
+            finally:
+                folder.close()
+            name = "label%g" % rotate
+            state, report = final(send(running.station, made, station.sidecar(options, frame), product, name))
+            assert state == station.DELIVERED, report
+            for found in (shown, report):
+                assert abs(found["placement"]["rotate_deg"] - expected) < 1e-9, (product, rotate, found["placement"])
+    # A hot folder alone has settings that are not known here: nothing is left to them.
+    assert b"rotate_deg = 0" in station.sidecar({"anchor": "origin", "station": ""}, frame)
+
+
 def settings_that_replace_the_frame_are_pointed_out():
     made, sidecar, frame = framed_can(15.0)
     with Running(watched=False) as running:
@@ -372,6 +401,39 @@ def the_station_file_is_understood_like_isomark_does():
             assert trouble.remedy
         else:
             raise AssertionError("a missing station file was accepted")
+        # A hot folder on a drive that is not connected: the drawing can be calculated, and sending states what is missing.
+        gone = station.open_station(os.path.join(folder, "gone", "hot"))
+        assert (gone.file, gone.hot) == ("", os.path.join(folder, "gone", "hot"))
+        try:
+            station.send(gone.hot, [("can.glb", b"x")])
+        except station.Trouble as trouble:
+            assert "hot folder" in trouble.what and "Connect the drive" in trouble.remedy, trouble
+        else:
+            raise AssertionError("a missing hot folder was written")
+
+
+def a_drawing_file_that_changed_is_noticed():
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "a.svg")
+        made = job.Files(b"part", b"one", ".svg", path)
+        assert not made.is_current()
+        for data, is_current in ((b"one", True), (b"two", False), (b"one", True)):
+            with open(path, "wb") as file:
+                file.write(data)
+            assert made.is_current() == is_current
+        assert job.Files(b"part", b"one", ".dxf").is_current()
+
+
+def a_rejection_is_told_in_the_words_of_the_panel():
+    reason = {
+        "code": "outside-mark",
+        "what": "5.0 % of the ink is outside the faces of the part named `mark`, by up to 1.00 mm.",
+        "remedy": "Set `outside_mark`.",
+    }
+    what, remedy = program.words_of(reason)
+    assert what == "5.0 % of the ink is outside the selected faces, by up to 1.00 mm." and "Only on the selected" in remedy
+    what, remedy = program.words_of({"code": "frame-into-part", "what": "The marking frame points into the part.", "remedy": "x"})
+    assert "Laser on the other side" in remedy
 
 
 def suggested_names_are_accepted():
@@ -520,6 +582,8 @@ harness.run(
     [
         the_package_names_what_it_contains,
         the_station_file_is_understood_like_isomark_does,
+        a_drawing_file_that_changed_is_noticed,
+        a_rejection_is_told_in_the_words_of_the_panel,
         suggested_names_are_accepted,
         programs_that_are_not_isomark_have_a_remedy,
         the_program_gets_a_clean_environment,
@@ -534,6 +598,7 @@ harness.run(
         a_drawing_that_waits_is_shown_with_what_it_waits_for,
         a_second_drawing_does_not_move_one_that_waits,
         a_drawing_that_was_placed_with_another_frame_is_pointed_out,
+        a_rotation_in_the_settings_is_marked_as_it_is_shown,
         settings_that_replace_the_frame_are_pointed_out,
         a_hot_folder_that_may_not_be_written_has_a_remedy,
         a_missing_hot_folder_has_a_remedy,

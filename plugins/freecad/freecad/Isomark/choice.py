@@ -6,81 +6,12 @@ import os
 import FreeCAD
 import Part
 
-from . import outline
-from .frame import Frame, dot, scaled, subtract
+from . import outline, plane
+from .frame import Frame, dot
+from .ref import Ref
 from .wording import Trouble, translate
 
 PICTURES = (".png", ".bmp")
-
-
-class Ref:
-    """An object where it is in the document: inside its containers and links, if it has any."""
-
-    def __init__(self, top, path=""):
-        self.document = top.Document.Name
-        self.top = top.Name
-        #: The names of the objects from `top` to the object, each followed by a dot.
-        self.path = path
-
-    @classmethod
-    def of(cls, item):
-        """An object inside its outermost container."""
-        parents = item.Parents
-        if parents:
-            top, path = parents[0]
-            return cls(top, path)
-        return cls(item)
-
-    def _top(self):
-        document = FreeCAD.listDocuments().get(self.document)
-        top = document.getObject(self.top) if document else None
-        if top is None:
-            raise _removed()
-        return top
-
-    @property
-    def item(self):
-        """The object itself."""
-        top = self._top()
-        found = top.getSubObject(self.path, retType=1) if self.path else top
-        if found is None:
-            raise _removed()
-        return found
-
-    @property
-    def label(self):
-        return self.item.Label
-
-    def shape(self):
-        """Its shape in the coordinates of the document."""
-        return Part.getShape(self._top(), self.path, needSubElement=False)
-
-    def placement(self):
-        """Its placement in the document."""
-        top = self._top()
-        return top.getSubObject(self.path, retType=3) if self.path else top.Placement
-
-    def inside(self, item):
-        """An object in this container."""
-        return Ref(self._top(), self.path + item.Name + ".")
-
-    def names(self):
-        """The names of the objects on the way, as text that a document can keep."""
-        return self.top + "." + self.path
-
-    def __eq__(self, other):
-        return isinstance(other, Ref) and (self.document, self.top, self.path) == (
-            other.document,
-            other.top,
-            other.path,
-        )
-
-
-def _removed():
-    return Trouble(
-        translate("Isomark", "An object that was chosen was removed."),
-        translate("Isomark", "Select the part and the drawing, and click Use selection."),
-    )
 
 
 class Choice:
@@ -90,8 +21,8 @@ class Choice:
         self.part = None
         #: Indices of the chosen faces, from 0.
         self.faces = []
-        #: Where a face was clicked, in the document.
-        self.picked = None
+        #: Where a face was clicked, in the part's own coordinates.
+        self._clicked = None
         #: The objects of the drawing.
         self.drawing = []
         #: The file of the drawing; empty if it is made of objects.
@@ -100,14 +31,43 @@ class Choice:
         self.more_parts = []
         #: What is selected and is neither a part nor a drawing.
         self.unusable = []
+        #: What is selected in other documents: labels of objects and of their documents.
+        self.elsewhere = []
+        #: What the last frame is based on if the drawing does not state it: a sentence and a remedy, or `None`.
+        self.assumed = None
+
+    @property
+    def picked(self):
+        """Where a face was clicked, in the document; it moves with the part. `None` if a face was not clicked."""
+        if self._clicked is None:
+            return None
+        return tuple(self.part.matrix().multVec(self._clicked))
+
+    @picked.setter
+    def picked(self, point):
+        self._clicked = None if point is None else self.part.matrix().inverse().multVec(FreeCAD.Vector(*point))
+
+    def take_part(self, other):
+        """Takes the part, its faces and the clicked place from another choice."""
+        self.part, self.faces, self._clicked = other.part, other.faces, other._clicked
+
+    def is_incomplete(self):
+        """Whether the part or the drawing is missing."""
+        return self.part is None or not (self.drawing or self.file)
+
+    def documents(self):
+        """The names of the documents that the part and the drawing come from."""
+        return set().union(*(ref.documents() for ref in [self.part] + self.drawing))
 
     def check(self):
         """Raises `Trouble` when something is missing, or when it is not clear what is meant."""
-        is_incomplete = self.part is None or not (self.drawing or self.file)
+        is_incomplete = self.is_incomplete()
         for ref in self.unusable:
             trouble = _not_usable(ref, is_incomplete)
             if trouble:
                 raise trouble
+        if is_incomplete and self.elsewhere:
+            raise in_other_document(*self.elsewhere[0])
         if self.more_parts:
             raise Trouble(
                 translate(
@@ -152,6 +112,7 @@ class Choice:
     def frame(self, other_side=False):
         """The marking frame. Raises `Trouble`."""
         self.check()
+        self.assumed = None
         frame = self._frame_at_face() if self.file else self._frame_of_drawing()
         return frame.other_side() if other_side else frame
 
@@ -160,7 +121,7 @@ class Choice:
         if self.file or not self.faces or self.picked is None:
             return False
         frame = self._frame_of_drawing()
-        _, normal = self._spot(self.picked)
+        _, normal = self._spot()
         return dot(normal, frame.z) < -0.1
 
     def _frame_of_drawing(self):
@@ -169,54 +130,38 @@ class Choice:
         lined = [(ref, shape) for ref, shape in shapes if outline.has_lines(shape) and shape.Edges]
         if not lined:
             raise _no_lines(self.drawing[0])
-        straight = None
         for ref, shape in lined:
-            if ref.item.isDerivedFrom("Part::Part2DObject"):
-                frame = frame_of_placement(ref.placement())
-                depths = [frame.local(tuple(vertex.Point))[2] for vertex in shape.Vertexes]
-                if not depths or max(depths) - min(depths) <= outline.FLAT:
-                    return frame
-            along = outline.direction_of(shape)
-            if along is None:
+            found = plane.own_frames(ref, shape)
+            if found:
+                frame, source = found[0]
+                if any(not frame.is_same(other) for other, _ in found):
+                    self.assumed = _first_of_several(ref, source)
+                return frame
+            if outline.direction_of(shape) is None:
+                self.assumed = _no_x(ref)
                 _, axis = outline.plane_of(shape)
-                return self._frame_away(shape, tuple(axis))
-            straight = straight or (shape, along)
-        shape, along = straight
-        away = subtract(tuple(shape.BoundBox.Center), self._middle())
-        across = subtract(away, scaled(along, dot(away, along)))
-        if dot(across, across) < 1e-6:
-            raise Trouble(
-                translate("Isomark", "The drawing is a straight line through the middle of the part: it has no plane."),
-                translate("Isomark", "Draw the line in a sketch."),
-            )
-        return self._frame_away(shape, across)
-
-    def _frame_away(self, shape, normal):
-        """The frame in the middle of the shape whose z is the normal or its opposite, away from the part."""
-        center = tuple(shape.BoundBox.Center)
-        away = subtract(center, self._middle())
-        return Frame.on_surface(center, normal if dot(away, normal) >= 0.0 else scaled(normal, -1.0))
-
-    def _middle(self):
-        return tuple(self.part.shape().BoundBox.Center)
+                return plane.frame_away(self.part.shape(), shape, tuple(axis))
+        self.assumed = _no_x(lined[0][0])
+        face = self._face() if self.faces else None
+        return plane.frame_of_lines(self.part.shape(), face, [shape for _, shape in lined])
 
     def _frame_at_face(self):
-        point, normal = self._spot(self.picked)
-        return Frame.on_surface(point, normal)
+        return Frame.on_surface(*self._spot())
 
-    def _spot(self, picked):
-        """A point of the chosen face and the normal there; the middle of the face without a point."""
-        shape = self.part.shape()
-        if not self.faces or self.faces[0] >= len(shape.Faces):
+    def _face(self):
+        """The first of the chosen faces."""
+        faces = self.part.shape().Faces
+        if not self.faces or self.faces[0] >= len(faces):
             raise Trouble(
                 translate("Isomark", "No face is selected for the drawing's place."),
                 translate("Isomark", "Click the place on the part, and click Use selection."),
             )
-        face = shape.Faces[self.faces[0]]
-        u0, u1, v0, v1 = face.ParameterRange
-        u, v = (u0 + u1) / 2.0, (v0 + v1) / 2.0
-        if picked is not None:
-            u, v = face.Surface.parameter(FreeCAD.Vector(*picked))
+        return faces[self.faces[0]]
+
+    def _spot(self):
+        """The clicked point of the chosen face and the normal there; the middle of the face without a point."""
+        face, picked = self._face(), self.picked
+        u, v = plane.middle_of(face) if picked is None else face.Surface.parameter(FreeCAD.Vector(*picked))
         return tuple(face.valueAt(u, v)), tuple(face.normalAt(u, v))
 
     def paths(self, frame):
@@ -232,11 +177,42 @@ class Choice:
         return found
 
 
-def frame_of_placement(placement):
-    """The frame of a sketch or another flat object: its own origin and axes."""
-    turn = placement.Rotation
-    z, x = turn.multVec(FreeCAD.Vector(0, 0, 1)), turn.multVec(FreeCAD.Vector(1, 0, 0))
-    return Frame(tuple(placement.Base), tuple(z), tuple(x))
+def _no_x(ref):
+    """What is assumed for a drawing without a plane of its own."""
+    return (
+        translate(
+            "Isomark",
+            "The drawing {name} has no plane with an x of its own. It is marked from its side of the part, with its x "
+            "horizontal.",
+            name=ref.label,
+        ),
+        translate("Isomark", "Draw it in a sketch to choose the side of the laser and the x of the marking field."),
+    )
+
+
+def _first_of_several(ref, source):
+    """What is assumed for a drawing that is made of several sketches."""
+    return (
+        translate(
+            "Isomark",
+            "The drawing {name} shows several sketches. Origin and x of the marking field are those of {first}.",
+            name=ref.label,
+            first=source.Label,
+        ),
+        translate("Isomark", "Select the sketches themselves, first the one whose origin and x are used."),
+    )
+
+
+def in_other_document(name, document):
+    """The trouble with an object that is selected in another document."""
+    return Trouble(
+        translate("Isomark", "{name} is in another document, {document}.", name=name, document=document),
+        translate(
+            "Isomark",
+            "Make a link to it in this document (Std_LinkMake) and select the link, or close this panel and run Mark on "
+            "part in that document.",
+        ),
+    )
 
 
 def _no_lines(ref):
@@ -249,10 +225,19 @@ def _no_lines(ref):
     )
 
 
-def of_selection(selection):
-    """What is selected: entries with `Object`, `SubElementNames` and `PickedPoints`, from the outermost container on."""
+#: What FreeCAD gives as the clicked point of an element that was selected without a click.
+_NOT_CLICKED = (0.0, 0.0, 0.0)
+
+
+def of_selection(selection, document):
+    """What is selected in a document: entries with `Object`, `SubElementNames` and `PickedPoints`, from the outermost
+    container on.
+    """
     choice = Choice()
     for entry in selection:
+        if entry.Object.Document.Name != document:
+            choice.elsewhere.append((entry.Object.Label, entry.Object.Document.Label))
+            continue
         names = list(entry.SubElementNames) or [""]
         points = list(getattr(entry, "PickedPoints", []))
         for number, name in enumerate(names):
@@ -279,28 +264,23 @@ def _add(choice, ref, element, point):
             choice.more_parts.append(part.label)
         return
     choice.part = part
-    is_shown = item == part.item or getattr(_linked(part.item), "Tip", None) == item
+    is_shown = item == part.item or getattr(part.linked, "Tip", None) == item
     if element.startswith("Face") and is_shown:
         number = int(element[4:]) - 1
         if number not in choice.faces:
             choice.faces.append(number)
-        if choice.picked is None and point is not None:
+        if choice.picked is None and point is not None and tuple(point) != _NOT_CLICKED:
             choice.picked = tuple(point)
 
 
 def _owner(ref):
     """The body of a feature, or the object itself."""
-    above = next(_above(ref), None)
-    return above if above is not None and _is_body(above.item) else ref
+    above = next(ref.above(), None)
+    return above if above is not None and _is_body(above) else ref
 
 
-def _linked(item):
-    """The object that a link shows, or the object itself."""
-    return item.getLinkedObject() or item
-
-
-def _is_body(item):
-    return _linked(item).isDerivedFrom("PartDesign::Body")
+def _is_body(ref):
+    return ref.linked.isDerivedFrom("PartDesign::Body")
 
 
 #: The properties of texts and dimensions of Draft, and of annotations.
@@ -309,7 +289,7 @@ _OF_TEXTS = ("Text", "CustomText", "LabelText", "Dimline")
 
 def _not_usable(ref, is_incomplete):
     """Why a selected object is neither a part nor a drawing; `None` if nothing was probably meant by it."""
-    item = _linked(ref.item)
+    item = ref.linked
     if item.isDerivedFrom("Mesh::Feature"):
         return Trouble(
             translate("Isomark", "{name} is a mesh, which has no faces that can be marked.", name=ref.label),
@@ -333,9 +313,14 @@ def _not_usable(ref, is_incomplete):
 
 def _has_faces(ref):
     shape = ref.shape()
-    if ref.item.isDerivedFrom("Part::Datum"):
+    if _is_datum(ref.item):
         return False
     return isinstance(shape, Part.Shape) and not shape.isNull() and bool(shape.Faces)
+
+
+def _is_datum(item):
+    # The axes and planes of an origin have shapes in FreeCAD 1.
+    return item.isDerivedFrom("Part::Datum") or item.isDerivedFrom("App::OriginFeature")
 
 
 def is_drawing(ref):
@@ -344,13 +329,15 @@ def is_drawing(ref):
     if item.isDerivedFrom("Part::Part2DObject"):
         return True
     shape = ref.shape()
-    if not isinstance(shape, Part.Shape) or shape.isNull() or shape.Solids or item.isDerivedFrom("Part::Datum"):
+    if not isinstance(shape, Part.Shape) or shape.isNull() or shape.Solids or _is_datum(item):
         return False
     if not shape.Edges:
         return bool(shape.Vertexes)
     if any(not isinstance(face.Surface, Part.Plane) for face in shape.Faces):
         return False
-    return not shape.Shells and shape.findPlane(outline.FLAT) is not None
+    if shape.Shells:
+        return False
+    return shape.findPlane(outline.FLAT) is not None or outline.direction_of(shape) is not None
 
 
 def _only_part(drawing):
@@ -358,8 +345,8 @@ def _only_part(drawing):
     for body in (ref for ref in _bodies_above(drawing) if _has_faces(ref)):
         return body
     # In the drawing's own containers first: other instances of them may show the same part elsewhere.
-    for container in _above(drawing):
-        inside = getattr(_linked(container.item), "Group", [])
+    for container in drawing.above():
+        inside = getattr(container.linked, "Group", [])
         solids = [ref for ref in (container.inside(item) for item in inside) if _is_solid(ref)]
         if solids:
             return solids[0] if len(solids) == 1 else None
@@ -377,15 +364,8 @@ def _is_solid(ref):
     return isinstance(shape, Part.Shape) and not shape.isNull() and bool(shape.Solids)
 
 
-def _above(ref):
-    """The containers of an object, from the innermost on."""
-    names = ref.path.rstrip(".").split(".") if ref.path else []
-    for count in range(len(names) - 1, -1, -1):
-        yield Ref(ref._top(), "".join(name + "." for name in names[:count]))
-
-
 def _bodies_above(ref):
-    return (above for above in _above(ref) if _is_body(above.item))
+    return (above for above in ref.above() if _is_body(above))
 
 
 def _is_shown(item):

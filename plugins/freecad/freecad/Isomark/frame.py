@@ -3,6 +3,9 @@
 
 import math
 
+#: How far two frames may differ and be the same: their origins in mm, their axes as the cosine of the angle.
+SAME_ORIGIN, SAME_AXIS = 0.02, 0.999999
+
 
 def add(a, b):
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
@@ -54,6 +57,12 @@ class Frame:
     def other_side(self):
         """The same frame, seen from behind: turned by 180° about its y."""
         return Frame(self.origin, scaled(self.z, -1.0), scaled(self.x, -1.0))
+
+    def is_same(self, other):
+        """Whether another frame has the same origin and axes."""
+        away = subtract(self.origin, other.origin)
+        axes = min(dot(self.z, other.z), dot(self.x, other.x))
+        return dot(away, away) <= SAME_ORIGIN**2 and axes >= SAME_AXIS
 
     def local(self, point):
         """The coordinates of a point of the document in this frame."""

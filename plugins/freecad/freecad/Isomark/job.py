@@ -12,10 +12,22 @@ from .wording import Trouble, translate
 class Files:
     """The part and the drawing as the program and the station get them."""
 
-    def __init__(self, part, drawing, ending):
+    def __init__(self, part, drawing, ending, source=""):
         self.part = part
         self.drawing = drawing
         self.ending = ending
+        #: The file that the drawing was read from; empty for objects.
+        self.source = source
+
+    def is_current(self):
+        """Whether the file of the drawing is still the one that was read."""
+        if not self.source:
+            return True
+        try:
+            with open(self.source, "rb") as file:
+                return file.read() == self.drawing
+        except OSError:
+            return False
 
 
 def files(choice, tessellated, frame):
@@ -32,7 +44,7 @@ def files(choice, tessellated, frame):
                 ),
                 translate("Isomark", "Choose the drawing again with File."),
             ) from error
-        return Files(part, data, os.path.splitext(choice.file)[1].lower())
+        return Files(part, data, os.path.splitext(choice.file)[1].lower(), choice.file)
     paths = choice.paths(frame)
     if not is_under(tessellated.points(), frame, dxf.extents(paths)):
         raise Trouble(
@@ -130,7 +142,7 @@ def notices(report):
     facts = [(report.get(name) or {}).get("facts") or {} for name in ("part", "pattern")]
     for source in [report] + facts:
         for notice in source.get("notices", []):
-            entry = (str(notice.get("severity", "")), notice.get("message", ""))
+            entry = (str(notice.get("severity", "")), program.in_panel(notice.get("message", "")))
             # The unit and the axes of the files are those that this workbench writes.
             is_about_file = notice.get("code") in ("unit-assumed", "axis-assumed") and entry[0] == "note"
             if entry not in found and not is_about_file:

@@ -10,14 +10,11 @@ INK = "mark-ink"
 
 
 class Overlay:
-    """The mark in the view of a document; `close` removes it."""
+    """The mark in all 3-D views of a document; `close` removes it."""
 
     def __init__(self, document):
-        self._scene = None
-        view = FreeCADGui.getDocument(document).ActiveView if document else None
-        if view is None or not hasattr(view, "getSceneGraph"):
-            return
-        self._scene = view.getSceneGraph()
+        self._document = document
+        self._scenes = []
         self._root = coin.SoSeparator()
         self._root.setName("isomark")
         pick = coin.SoPickStyle()
@@ -30,12 +27,18 @@ class Overlay:
         self._switches = {name: coin.SoSwitch() for name in (INK, "view", "drawn", "mark")}
         for node in [pick, light, depth] + list(self._switches.values()):
             self._root.addChild(node)
-        self._scene.addChild(self._root)
+        self.attach()
+
+    def attach(self):
+        """Draws in views that were opened since, too."""
+        for view in FreeCADGui.getDocument(self._document).mdiViewsOfType("Gui::View3DInventor"):
+            scene = view.getSceneGraph()
+            if scene.findChild(self._root) < 0:
+                scene.addChild(self._root)
+                self._scenes.append(scene)
 
     def show(self, mark):
         """Replaces what is drawn by the `glb.MarkOnPart`."""
-        if self._scene is None:
-            return
         for name, switch in self._switches.items():
             switch.removeAllChildren()
             if name == INK:
@@ -47,18 +50,16 @@ class Overlay:
 
     def set_visible(self, name, visible):
         """Shows or hides one of the nodes of isomark's file."""
-        if self._scene is not None:
-            self._switches[name].whichChild = coin.SO_SWITCH_ALL if visible else coin.SO_SWITCH_NONE
+        self._switches[name].whichChild = coin.SO_SWITCH_ALL if visible else coin.SO_SWITCH_NONE
 
     def clear(self):
-        if self._scene is not None:
-            for switch in self._switches.values():
-                switch.removeAllChildren()
+        for switch in self._switches.values():
+            switch.removeAllChildren()
 
     def close(self):
-        if self._scene is not None:
-            self._scene.removeChild(self._root)
-            self._scene = None
+        for scene in self._scenes:
+            scene.removeChild(self._root)
+        self._scenes = []
 
 
 def _lines(strips, width):

@@ -8,7 +8,7 @@ import FreeCAD
 import FreeCADGui
 from PySide import QtCore, QtGui
 
-from . import choice, job, mark, part, program, settings, station
+from . import choice, follow, job, mark, part, program, settings, station
 from .child import Background, Child
 from .overlay import Overlay
 from .wording import Trouble, dividable, translate
@@ -17,6 +17,8 @@ from .wording import Trouble, dividable, translate
 SETTLE_MS = 300
 #: Pause between two looks at the station's folders, and between two questions for its status, s.
 LOOK_S, STATUS_S = 1.0, 5.0
+#: Pause between two looks at the file of the drawing and at the 3-D views, ms.
+LOOK_AROUND_MS = 1000
 
 _open = None
 
@@ -39,6 +41,8 @@ class Panel:
 
     def __init__(self, document):
         self.document = document.Name
+        #: The documents that the part and the drawing come from.
+        self.documents = {document.Name}
         self.choice = choice.Choice()
         self.folder = job.Folder()
         self.overlay = Overlay(document.Name)
@@ -50,6 +54,8 @@ class Panel:
         self.made = None
         self.frame = None
         self.result = None
+        #: The station's settings that the result was made with; empty without.
+        self.station_file = ""
         #: The part and the drawing that the names of product and drawing were made for.
         self._named = ("", "")
         self.sending = Sending(self)
@@ -64,10 +70,14 @@ class Panel:
         self._timer.timeout.connect(self.correct)
         self._stepper = QtCore.QTimer()
         self._stepper.timeout.connect(self._step)
+        self._file = follow.File(self.changed)
+        self._looker = QtCore.QTimer()
+        self._looker.timeout.connect(self._look_around)
+        self._looker.start(LOOK_AROUND_MS)
         self._build()
         for edit in (self.product, self.drawing_name):
             edit.setMinimumWidth(40)
-        self._observer = _Observer(self)
+        self._observer = follow.Documents(self)
         FreeCAD.addDocumentObserver(self._observer)
         QtCore.QCoreApplication.instance().aboutToQuit.connect(self.close)
         self.use_selection()
@@ -232,8 +242,9 @@ class Panel:
         global _open
         if self.folder is None:
             return
-        for timer in (self._timer, self._stepper):
+        for timer in (self._timer, self._stepper, self._looker):
             timer.stop()
+        self._file.close()
         FreeCAD.removeDocumentObserver(self._observer)
         QtCore.QCoreApplication.instance().aboutToQuit.disconnect(self.close)
         for child in (self.child, self.tester):
@@ -249,16 +260,22 @@ class Panel:
 
     def use_selection(self):
         """Takes the part and the drawing from the selection."""
-        entries = [
-            entry for entry in FreeCADGui.Selection.getSelectionEx("", 0) if entry.Object.Document.Name == self.document
-        ]
-        new = choice.of_selection(entries)
-        if not new.drawing and new.part is not None:
-            # A new place for the drawing that is already chosen.
-            new.drawing, new.file = self.choice.drawing, self.choice.file
-        elif new.drawing and new.part is None:
-            new.part, new.faces, new.picked = self.choice.part, self.choice.faces, self.choice.picked
-        if entries:
+        # Of all documents: what is selected in another one is named.
+        new = choice.of_selection(FreeCADGui.Selection.getSelectionEx("*", 0), self.document)
+        is_nothing = not (new.part or new.drawing or new.unusable)
+        if is_nothing and new.elsewhere and not self.choice.is_incomplete():
+            trouble = choice.in_other_document(*new.elsewhere[0])
+            self._say(self.message, trouble.what, trouble.remedy, True)
+            return
+        if is_nothing:
+            self.choice.elsewhere = new.elsewhere
+            self.suggest_names()
+        else:
+            if not new.drawing and new.part is not None:
+                # A new place for the drawing that is already chosen.
+                new.drawing, new.file = self.choice.drawing, self.choice.file
+            elif new.drawing and new.part is None:
+                new.take_part(self.choice)
             self.choice = new
             self._suggest()
             # A selected object is shown in another colour, which would hide the mark.
@@ -290,7 +307,23 @@ class Panel:
         """The names and the side that follow from what is chosen."""
         try:
             self.other_side.setChecked(bool(self.choice.drawing) and self.choice.suggests_other_side())
-            named = self._named
+        except (Trouble, *SHAPE_ERRORS):
+            # `correct` shows it.
+            pass
+        self.suggest_names()
+
+    def document_saved(self):
+        """Names the product after the document."""
+        before = self.names()
+        self.suggest_names()
+        if self.names() != before:
+            # Each product has its own settings.
+            self.changed()
+
+    def suggest_names(self):
+        """The names that follow from what is chosen, and from the name of the document."""
+        named = self._named
+        try:
             self._named = (
                 self.choice.part.names() if self.choice.part else "",
                 self.choice.file or "".join(ref.names() for ref in self.choice.drawing[:1]),
@@ -300,7 +333,7 @@ class Panel:
                 self.product.setText(self._product_name())
             if self._named[1] != named[1] or not self.drawing_name.text().strip():
                 self.drawing_name.setText(self._name_of_drawing())
-        except (Trouble, SHAPE_ERRORS):
+        except Trouble:
             # `correct` shows it.
             pass
 
@@ -339,6 +372,7 @@ class Panel:
             "anchor": "center" if self.choice.file else "origin",
             "rotate_deg": self.rotate.value(),
             "width_mm": self.width.value() if self.choice.is_picture() else 0.0,
+            "station": self.station_file,
         }
 
     def names(self):
@@ -346,6 +380,11 @@ class Panel:
         return self.product.text().strip() or "part", self.drawing_name.text().strip() or "drawing"
 
     # The correction.
+
+    def _look_around(self):
+        """Notices what FreeCAD does not report: views that were opened, and a file that another program wrote."""
+        self.overlay.attach()
+        self._file.look()
 
     def changed(self, *_):
         """Corrects the drawing again, soon."""
@@ -358,8 +397,11 @@ class Panel:
         self._stop()
         self.result = None
         self.made = None
+        self._file.begin(self.choice.file)
+        self._show_choice()
         try:
             self.choice.check()
+            self.documents = {self.document} | self.choice.documents()
             self.frame = self.choice.frame(self.other_side.isChecked() and not self.choice.file)
             shape = self.choice.part.shape()
             bounding = tuple(self.choice.faces) if self.bound.isChecked() else ()
@@ -418,11 +460,9 @@ class Panel:
         product, drawing = self.names()
         station.check_name(product, translate("Isomark", "product"))
         station.check_name(drawing, translate("Isomark", "drawing"))
+        self.station_file = station.open_station(self.station.text()).file if self.station.text().strip() else ""
         self.made = job.files(self.choice, self.tessellated, self.frame)
-        options = self.options()
-        if self.station.text().strip():
-            options["station"] = station.open_station(self.station.text()).file
-        run = job.Run(self.folder, self.made, product, drawing, options)
+        run = job.Run(self.folder, self.made, product, drawing, self.options())
         path = program.find(self.program.text())
 
         def done(code, output, errors):
@@ -449,14 +489,28 @@ class Panel:
         self.table.setText("<table>%s</table>" % cells)
         self.table.show()
         lines = [_line(severity == "warning", words) for severity, words in job.notices(report)]
-        lines = self._side(report) + lines
+        lines = self._placement(report) + lines
         self.message.setText("".join(lines))
         self.message.setVisible(bool(lines))
 
-    def _side(self, report):
-        """A warning if isomark marks another place of the part than that of the drawing."""
+    def _placement(self, report):
+        """What the user should know about the place of the mark."""
+        lines = []
         words = station.frame_words(report, self.frame)
-        return [_line(True, *words)] if words else []
+        if words:
+            lines.append(_line(True, *words))
+        if self.choice.assumed:
+            lines.append(_line(False, *self.choice.assumed))
+        turned = (report.get("placement") or {}).get("rotate_deg", 0.0)
+        if turned and not self.rotate.value():
+            lines.append(
+                _line(
+                    False,
+                    translate("Isomark", "The settings of the station rotate the drawing by {angle:g}°.", angle=turned),
+                    translate("Isomark", "Enter an angle under Rotate to replace it; 360 is no rotation."),
+                )
+            )
+        return lines
 
     def _trouble(self, trouble):
         """Shows why there is no result."""
@@ -548,6 +602,9 @@ class Panel:
             try:
                 words = translate("Isomark", "{version} ({path})", version=program.version(output), path=path)
                 self._say(self.version, words)
+                if self.result is None and self.child is None:
+                    # It may have been installed since.
+                    self.changed()
             except Trouble as trouble:
                 self._say(self.version, trouble.what, trouble.remedy, True)
 
@@ -643,9 +700,16 @@ class Sending:
                     translate("Isomark", "Choose the station.toml of your station, or its hot folder."),
                 )
             self.station = station.open_station(panel.station.text())
+            if self.station.file != panel.station_file:
+                panel.changed()
+                raise Trouble(
+                    translate("Isomark", "The result was calculated without the settings of this station."),
+                    translate("Isomark", "Wait for the new result above, and send again."),
+                )
             names = station.drop_names(product, drawing, panel.made.ending)
             settings_file = station.sidecar(panel.options(), panel.frame)
-            data = (panel.made.part, settings_file, panel.made.drawing)
+            made = panel.made
+            data = (made.part, settings_file, made.drawing)
             self.frame = panel.frame
         except Trouble as trouble:
             self._show(trouble.what, trouble.remedy, True)
@@ -656,6 +720,11 @@ class Sending:
         is_confirmed, self.asked_about = self.asked_about == what, None
 
         def work():
+            if not made.is_current():
+                raise _Outdated(
+                    translate("Isomark", "Not sent: the file of the drawing was changed."),
+                    translate("Isomark", "Check the new result above, and send again."),
+                )
             station.refuse_another_frame(self.station.hot, names, settings_file)
             others = [] if is_confirmed else station.placed_elsewhere(self.station, product, names[2], self.frame)
             if others:
@@ -671,7 +740,7 @@ class Sending:
         if not product and not document.FileName:
             raise Trouble(
                 translate("Isomark", "This document is not saved, so the product has no name."),
-                translate("Isomark", "Save the document and click Use selection, or enter a product."),
+                translate("Isomark", "Save the document, or enter a product."),
             )
 
     def _sent(self, answer, error):
@@ -679,6 +748,8 @@ class Sending:
         self.panel.send_button.setEnabled(True)
         if isinstance(error, _Elsewhere):
             self.asked_about = error.sending
+        if isinstance(error, _Outdated):
+            self.panel.changed()
         if error is not None:
             self._show(str(getattr(error, "what", error)), getattr(error, "remedy", ""), True)
             return
@@ -725,8 +796,8 @@ class Sending:
                 self._show(words)
         elif state == station.REJECTED:
             self.timer.stop()
-            words = translate("Isomark", "Rejected: {what}", what=document.get("what", ""))
-            self._show(words, document.get("remedy", ""), True)
+            what, remedy = program.words_of(document)
+            self._show(translate("Isomark", "Rejected: {what}", what=what), remedy, True)
         elif state == station.FILED:
             self.timer.stop()
             if self.station.file:
@@ -799,27 +870,8 @@ class _Elsewhere(Trouble):
         self.sending = sending
 
 
-class _Observer:
-    """Corrects the drawing again when the part or the drawing changed, and closes the panel with its document."""
-
-    def __init__(self, panel):
-        self.panel = panel
-        self.quiet = False
-
-    def slotRecomputedDocument(self, document):
-        if not self.quiet and document.Name == self.panel.document:
-            self.panel.changed()
-
-    def slotChangedObject(self, item, name):
-        if not self.quiet and name in ("Shape", "Placement") and item.Document.Name == self.panel.document:
-            if not mark.is_mark(item):
-                self.panel.changed()
-
-    def slotDeletedDocument(self, document):
-        if document.Name == self.panel.document:
-            self.panel.close()
-            # FreeCAD is still removing the document.
-            QtCore.QTimer.singleShot(0, FreeCADGui.Control.closeDialog)
+class _Outdated(Trouble):
+    """What is sent is not what the user sees."""
 
 
 #: What FreeCAD and OpenCASCADE raise for shapes that they cannot handle.

@@ -114,7 +114,7 @@ def answer(code, output, errors):
             translate("Isomark", "Install the isomark that this workbench came with, or a newer one."),
         )
     if reason.get("what"):
-        raise Trouble(_of_place(reason), _remedy(reason))
+        raise Trouble(*words_of(reason))
     if not said:
         said = translate("Isomark", "It ended with code {code} and without an answer.", code=code)
     raise Trouble(
@@ -123,10 +123,18 @@ def answer(code, output, errors):
     )
 
 
-def _of_place(reason):
-    """What is wrong, with the item that it concerns if the sentence does not name it."""
+def words_of(reason):
+    """What is wrong, with the item that it concerns if the sentence does not name it, and what to do."""
+    what = in_panel(reason.get("what", ""))
     item = (reason.get("place") or {}).get("item")
-    return "%s: %s" % (item, reason["what"]) if item and item not in reason["what"] else reason["what"]
+    return "%s: %s" % (item, what) if item and item not in what else what, _remedy(reason)
+
+
+def in_panel(sentence):
+    """A sentence of isomark in the words of the panel, which gives the selected faces the name `mark`."""
+    for words in ("faces of the part named `mark`", "faces named `mark`"):
+        sentence = sentence.replace(words, translate("Isomark", "selected faces"))
+    return sentence
 
 
 def _remedy(reason):
@@ -138,6 +146,10 @@ def _remedy(reason):
         "outside-mark": translate(
             "Isomark",
             "Move the drawing, make it smaller, select more faces, or switch off “Only on the selected faces”.",
+        ),
+        "frame-into-part": translate(
+            "Isomark",
+            "Switch “Laser on the other side” on or off, or move the drawing in front of the face where the mark belongs.",
         ),
     }
     return here.get(reason.get("code"), reason.get("remedy", ""))

@@ -9,7 +9,7 @@ import time
 import unicodedata
 import uuid
 
-from .frame import dot, subtract
+from .frame import Frame, dot
 from .wording import Trouble, translate
 
 #: The longest name that the station accepts, in bytes.
@@ -31,9 +31,9 @@ class Station:
 
 
 def open_station(path):
-    """The station of a `station.toml`, or of a hot folder. Raises `Trouble`."""
+    """The station of a `station.toml`, or of a hot folder, which may be missing. Raises `Trouble`."""
     path = os.path.abspath(os.path.expanduser(path.strip()))
-    if os.path.isdir(path):
+    if os.path.isdir(path) or not (os.path.exists(path) or path.lower().endswith(".toml")):
         inside = os.path.join(path, "station.toml")
         if not os.path.isfile(inside):
             beside = os.path.dirname(path)
@@ -117,18 +117,21 @@ def plain_name(text):
     return name if not name or name[0].isalnum() or name[0] == "_" else ("_" + name)[:60]
 
 
-#: How far two frames may differ and be the same: their origins in mm, their axes as the cosine of the angle.
-SAME_ORIGIN, SAME_AXIS = 0.02, 0.999999
 #: The start of the line that names the frame of a drawing in its settings, for the plugins of other programs, too.
 _FRAME_LINE = "# isomark frame: "
 
 
 def sidecar(options, frame):
-    """The settings of a drawing as a file beside it; a comment names its marking frame."""
+    """The settings of a drawing as a file beside it; a comment names its marking frame.
+
+    They say what `program.correct_arguments` says, so that the station marks what the panel shows.
+    """
     numbers = [round(number, 4) + 0.0 for axis in (frame.origin, frame.z, frame.x) for number in axis]
     lines = [_FRAME_LINE + " ".join("%.4f" % number for number in numbers)]
     lines += ["[placement]", 'anchor = "%s"' % options.get("anchor", "origin")]
-    lines.append("rotate_deg = %g" % options.get("rotate_deg", 0.0))
+    # Without a rotation in the panel, that of the station's settings is used. If these are not known here, there is none.
+    if options.get("rotate_deg") or not options.get("station"):
+        lines.append("rotate_deg = %g" % options.get("rotate_deg", 0.0))
     if options.get("width_mm"):
         lines += ["", "[pattern]", "width_mm = %g" % options["width_mm"]]
     return ("\n".join(lines) + "\n").encode("utf-8")
@@ -207,16 +210,14 @@ def placed_elsewhere(station, product, drawing, frame):
     found = []
     for entry in reports[:_MOST_REPORTS]:
         used = ((_json(entry.path) or {}).get("placement") or {}).get("frame") or {}
-        if used.get("source") == "part" and not _is_same(used, frame):
+        if used.get("source") == "part" and not _frame_in(used).is_same(frame):
             found.append(entry.name[: -len(ending)])
     return found
 
 
-def _is_same(used, frame):
-    """Whether a frame in a report is this one."""
-    away = subtract(used["origin_mm"], frame.origin)
-    axes = min(dot(used["z"], frame.z), dot(used["x"], frame.x))
-    return dot(away, away) <= SAME_ORIGIN**2 and axes >= SAME_AXIS
+def _frame_in(used):
+    """The marking frame of a report."""
+    return Frame(used["origin_mm"], used["z"], used["x"])
 
 
 def frame_words(report, frame):
@@ -227,7 +228,7 @@ def frame_words(report, frame):
         what = translate("Isomark", "The mark is on another side of the part than the drawing.")
     elif used is None or used.get("source") != "part":
         what = translate("Isomark", "The mark may be at another place than the drawing: its plane was not used.")
-    elif _is_same(used, frame):
+    elif _frame_in(used).is_same(frame):
         return None
     else:
         return (
@@ -335,8 +336,8 @@ class Answer:
         self.drawing = drawing
         # The station's folders of a product have its name in lower case.
         self.report = os.path.join(station.reports, _key(product), drawing + ".report.json")
-        self.report_before = _stamp(self.report)
-        self.reasons_before = {path: _stamp(path) for path in self._reasons()}
+        self.report_before = stamp(self.report)
+        self.reasons_before = {path: stamp(path) for path in self._reasons()}
         self.gone_since = None
 
     def can_be_seen(self):
@@ -345,12 +346,12 @@ class Answer:
 
     def look(self):
         """The state, and the report or reason that belongs to it."""
-        if _stamp(self.report) not in (None, self.report_before):
+        if stamp(self.report) not in (None, self.report_before):
             report = _json(self.report)
             if report is not None:
                 return DELIVERED, report
         for path in self._reasons():
-            if _stamp(path) != self.reasons_before.get(path):
+            if stamp(path) != self.reasons_before.get(path):
                 reason = _json(path)
                 if reason is not None and reason.get("drop") in self.drops:
                     return REJECTED, reason
@@ -384,7 +385,8 @@ def _key(product):
     return unicodedata.normalize("NFC", product).lower()
 
 
-def _stamp(path):
+def stamp(path):
+    """Time, size and number of a file, which tell it from a later one; `None` if there is none."""
     try:
         status = os.stat(path)
     except OSError:
