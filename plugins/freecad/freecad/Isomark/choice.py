@@ -320,7 +320,7 @@ def _has_faces(ref):
 
 def _is_datum(item):
     # The axes and planes of an origin have shapes in FreeCAD 1.
-    return item.isDerivedFrom("Part::Datum") or item.isDerivedFrom("App::OriginFeature")
+    return any(item.isDerivedFrom(kind) for kind in ("Part::Datum", "App::OriginFeature", "App::DatumElement"))
 
 
 def is_drawing(ref):

@@ -262,15 +262,13 @@ class Panel:
         """Takes the part and the drawing from the selection."""
         # Of all documents: what is selected in another one is named.
         new = choice.of_selection(FreeCADGui.Selection.getSelectionEx("*", 0), self.document)
-        is_nothing = not (new.part or new.drawing or new.unusable)
-        if is_nothing and new.elsewhere and not self.choice.is_incomplete():
+        # A selected object is shown in another colour, which would hide the mark.
+        FreeCADGui.Selection.clearSelection()
+        if new.elsewhere and new.is_incomplete() and not self.choice.is_incomplete():
             trouble = choice.in_other_document(*new.elsewhere[0])
             self._say(self.message, trouble.what, trouble.remedy, True)
             return
-        if is_nothing:
-            self.choice.elsewhere = new.elsewhere
-            self.suggest_names()
-        else:
+        if new.part or new.drawing or new.unusable:
             if not new.drawing and new.part is not None:
                 # A new place for the drawing that is already chosen.
                 new.drawing, new.file = self.choice.drawing, self.choice.file
@@ -278,8 +276,9 @@ class Panel:
                 new.take_part(self.choice)
             self.choice = new
             self._suggest()
-            # A selected object is shown in another colour, which would hide the mark.
-            FreeCADGui.Selection.clearSelection()
+        else:
+            self.choice.elsewhere = new.elsewhere
+            self.suggest_names()
         self._show_choice()
         self.changed()
 

@@ -8,14 +8,14 @@ from . import outline
 from .frame import Frame, add, cross, dot, scaled, subtract
 from .wording import Trouble, translate
 
-#: How much of a face's normal is perpendicular to a straight line on its side, at least: the line is inclined by up to 45°.
+#: How much of a face's normal is across a straight line in front of it, at least: the line is inclined by up to 45°.
 SMALLEST_ACROSS = 0.7
 #: How far corners of the same drawing may be apart, mm, and how many of them are compared.
 SAME, COMPARED = 1e-4, 20
 
 
 def own_frames(ref, shape):
-    """The frames of the flat objects that a drawing is or shows, with these objects; empty if none has a plane of its own."""
+    """The frames of the flat objects that a drawing is or shows, with these objects; empty without a plane of its own."""
     matrix, linked = ref.matrix(), ref.linked
     if _has_plane(linked):
         frame = frame_of_matrix(matrix)
