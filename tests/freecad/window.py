@@ -155,6 +155,28 @@ def can_with_label():
     return document
 
 
+def write_line(path, length):
+    """An SVG drawing of one line, replaced at once as editors do."""
+    with open(path + "~", "w", encoding="utf-8") as file:
+        file.write(
+            '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="10mm" viewBox="0 0 20 10">'
+            '<path fill="none" stroke="#000" stroke-width="0.01" d="M1 5H%g"/></svg>' % (1 + length)
+        )
+    os.replace(path + "~", path)
+
+
+def scenes(document):
+    """The scenes of the 3-D views of a document."""
+    views = FreeCADGui.getDocument(document).mdiViewsOfType("Gui::View3DInventor")
+    return [view.getSceneGraph() for view in views]
+
+
+def view_window(title):
+    """The window of a view, by the start of its title."""
+    windows = FreeCADGui.getMainWindow().findChild(QtGui.QMdiArea).subWindowList()
+    return next(found for found in windows if found.windowTitle().startswith(title))
+
+
 def old_isomark():
     path = os.path.join(folder, "old-isomark")
     with open(path, "w", encoding="utf-8") as file:
@@ -224,11 +246,18 @@ def scenario():
 
     say("step: saved, but the station does not exist")
     document.saveAs(os.path.join(folder, "mug.FCStd"))
-    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face1", 10, -35, 0)
-    FreeCADGui.Selection.addSelection("Mug", "Label")
-    yield from click(view.select_button)
-    yield Until(lambda: view.product.text() == "mug-Can", "a product name")
+    assert view.product.text() == "mug-Can"
+    view.product.setText("")
+    view.use_selection()
+    assert view.product.text() == "mug-Can" and view.part_label.text().startswith("Can")
     yield shows(view.message, "cannot be read", "Choose the station.toml")
+
+    say("step: the drive of a hot folder is not connected")
+    view.station.setText(os.path.join(folder, "gone", "hot"))
+    view.changed()
+    yield ready_to_send(view)
+    view.sending.send()
+    yield shows(view.answer, "not available", "Connect the drive")
 
     say("step: a hot folder that may not be written")
     view.station.setText("/sys/kernel")
@@ -280,6 +309,15 @@ def scenario():
     view.changed()
     yield Until(lambda: view.table.isVisible() and "another side" not in view.message.text(), "the side of the drawing")
 
+    say("step: a rotation in the settings of the product is pointed out")
+    with open(settings, "w", encoding="utf-8") as file:
+        file.write("[placement]\nrotate_deg = 90\n")
+    view.changed()
+    yield shows(view.message, "rotate the drawing by 90°", "Rotate")
+    os.remove(settings)
+    view.changed()
+    yield Until(lambda: view.result is not None and "rotate" not in view.message.text(), "the direction of the drawing")
+
     say("step: a rejected drawing shows its reason")
     sketch.addGeometry(Part.LineSegment(Vector(20, 0, 0), Vector(80, 0, 0)))
     document.recompute()
@@ -305,6 +343,90 @@ def scenario():
     yield from click(view.test_button)
     yield shows(view.version, "isomark ", program)
     yield shows(view.table, "Length error")
+
+    say("step: isomark is installed while the panel shows that it is missing")
+    del os.environ["ISOMARK"]
+    searched, os.environ["PATH"] = os.environ["PATH"], folder
+    view.program.setText("")
+    view.test()
+    yield shows(view.message, "isomark was not found", "click Test")
+    os.environ["ISOMARK"] = program
+    os.environ["PATH"] = searched
+    view.test()
+    yield shows(view.table, "Length error")
+    view.program.setText(program)
+
+    say("step: a drawing that was removed and comes back")
+    document.openTransaction("Remove")
+    document.removeObject("Label")
+    document.commitTransaction()
+    yield shows(view.message, "was removed")
+    document.undo()
+    yield ready_to_send(view)
+    assert view.drawing_label.text() == "Label"
+    sketch = document.getObject("Label")
+
+    say("step: a selection in another document")
+    other = FreeCAD.newDocument("Elsewhere")
+    other.addObject("Part::Box", "Box")
+    other.recompute()
+    FreeCADGui.Selection.addSelection("Elsewhere", "Box", "Face6", 5, 5, 10)
+    view.use_selection()
+    yield shows(view.message, "Box is in another document", "Make a link")
+    # Also beside a part of this document; what is chosen stays.
+    view.changed()
+    yield ready_to_send(view)
+    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face2", 0, 0, 55)
+    FreeCADGui.Selection.addSelection("Elsewhere", "Box", "Face6", 5, 5, 10)
+    view.use_selection()
+    yield shows(view.message, "Box is in another document", "Make a link")
+    assert "Face1" in view.part_label.text()
+    assert view.result is not None and view.part_label.text().startswith("Can")
+    FreeCAD.closeDocument("Elsewhere")
+    FreeCAD.setActiveDocument("Mug")
+
+    say("step: a line without a plane is pointed out")
+    line = document.addObject("Part::Feature", "Line")
+    line.Shape = Part.makeLine(Vector(-8, -38, 0), Vector(8, -38, 0))
+    document.recompute()
+    FreeCADGui.Selection.addSelection("Mug", "Line")
+    view.use_selection()
+    yield shows(view.message, "Line has no plane with an x of its own", "sketch")
+    document.removeObject("Line")
+
+    say("step: the file of a drawing changes")
+    file_of_drawing = os.path.join(folder, "stamp.svg")
+    lone = os.path.join(folder, "lone", "hot")
+    os.makedirs(lone)
+    write_line(file_of_drawing, 8)
+    FreeCADGui.Selection.clearSelection()
+    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face1", 10, -35, 0)
+    view.use_selection()
+    view.set_file(file_of_drawing)
+    view.station.setText(lone)
+    yield shows(view.table, "Lines", "8.0 mm")
+    yield ready_to_send(view)
+    write_line(file_of_drawing, 18)
+    yield shows(view.table, "Lines", "18.0 mm")
+    yield ready_to_send(view)
+    # Sent before the panel noticed it.
+    write_line(file_of_drawing, 12)
+    view.sending.send()
+    yield shows(view.answer, "Not sent", "the file of the drawing was changed")
+    assert os.listdir(lone) == []
+    yield shows(view.table, "Lines", "12.0 mm")
+    yield ready_to_send(view)
+    view.sending.send()
+    yield shows(view.answer, "Sent", "stamp.svg")
+    with open(os.path.join(lone, "mug-Can@stamp.svg"), encoding="utf-8") as file:
+        assert 'H13"' in file.read()
+    for name in os.listdir(lone):
+        os.remove(os.path.join(lone, name))
+    view.station.setText(os.path.join(station, "station.toml"))
+    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face1", 10, -35, 0)
+    FreeCADGui.Selection.addSelection("Mug", "Label")
+    view.use_selection()
+    yield ready_to_send(view)
 
     say("step: names that were entered stay for the same part and drawing, and not for others")
     view.product.setText("mine")
@@ -357,8 +479,6 @@ def scenario():
     yield shows(view.table, "Length error")
 
     say("step: a hot folder without the folders of a station")
-    lone = os.path.join(folder, "lone", "hot")
-    os.makedirs(lone)
     view.station.setText(lone)
     view.changed()
     yield ready_to_send(view)
@@ -410,6 +530,44 @@ def scenario():
     document = FreeCAD.openDocument(os.path.join(folder, "mug.FCStd"))
     assert document.getObject("MarkLines").Shape.Length > 100.0
     assert document.getObject("Mark").Product == "mug-Can"
+
+    say("step: a linked document changes, beside a spreadsheet, with another 3-D view than before")
+    assembly = FreeCAD.newDocument("Assembly")
+    assembly.saveAs(os.path.join(folder, "assembly.FCStd"))
+    for name, linked in (("Link", "Can"), ("LinkedLabel", "Label")):
+        link = assembly.addObject("App::Link", name)
+        link.LinkedObject, link.LinkTransform = document.getObject(linked), True
+    sheet = assembly.addObject("Spreadsheet::Sheet", "Sheet")
+    assembly.recompute()
+    FreeCADGui.setActiveDocument("Assembly")
+    sheet.ViewObject.doubleClicked()
+    FreeCADGui.Selection.clearSelection()
+    FreeCADGui.Selection.addSelection("Assembly", "Link", "Cylinder.Face1", 10, -35, 0)
+    FreeCADGui.Selection.addSelection("Assembly", "LinkedLabel")
+    FreeCADGui.runCommand("Isomark_Mark")
+    view = panel()
+    yield ready_to_send(view)
+    marks = lambda: [scene.findChild(view.overlay._root) >= 0 for scene in scenes("Assembly")]
+    assert marks() == [True], marks()
+    before = view.table.text()
+    document.getObject("Cylinder").Radius = 34.0
+    document.recompute()
+    yield Until(lambda: view.table.text() not in ("", before), "the numbers of the changed part")
+    document.getObject("Cylinder").Radius = 36.5
+    document.recompute()
+    yield Until(lambda: view.table.text() == before, "the numbers of before")
+    window.findChild(QtGui.QMdiArea).setActiveSubWindow(view_window("assembly : 1"))
+    FreeCADGui.runCommand("Std_ViewCreate")
+    yield Until(lambda: marks() == [True, True], "the mark in both views")
+    view_window("assembly : 1").close()
+    yield Until(lambda: marks() == [True], "the mark in the view that is left")
+    view.reject()
+    FreeCAD.closeDocument("Assembly")
+    FreeCAD.setActiveDocument("mug")
+    FreeCADGui.setActiveDocument("mug")
+    # Otherwise FreeCAD asks at the end whether to save the changed document.
+    FreeCADGui.runCommand("Std_Save")
+    assert not FreeCADGui.getDocument("mug").Modified
 
     say("step: the window is closed while the program runs")
     slow = os.path.join(folder, "slow-isomark")
