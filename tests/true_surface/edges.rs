@@ -131,6 +131,30 @@ fn mitred_fillets_are_cylinders_that_meet_in_an_edge() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
+/// Both halves of a mould draw such a part: the faces on both sides of its parting line meet at 2 degrees, and the exact normals of
+/// the file show it.
+#[test]
+fn the_parting_line_of_a_drafted_part_is_an_edge() {
+    let drawn_in = |x: f64| x.abs() * 1f64.to_radians().tan();
+    let flat = |x: f64, y: f64| (x.abs() < 29.0 && y.abs() < 14.0).then(|| 15.0 - drawn_in(x));
+    let round = |x: f64, y: f64| {
+        let radius = 20.0 - drawn_in(x);
+        (x.abs() < 29.0 && y.abs() < 15.0).then(|| (radius * radius - y * y).sqrt())
+    };
+    let height: [(&str, &dyn Fn(f64, f64) -> Option<f64>); 2] = [("box", &flat), ("can", &round)];
+    for (name, height) in height {
+        let samples = sampled(&sample(&format!("occ-drafted-{name}.glb")));
+        let (miss, at) = largest_miss(&samples, height);
+        assert!(miss < 2e-4, "{name}: {miss} mm at ({}, {})", at.x, at.y);
+        let columns = samples.field.size().0;
+        for (node, uncertainty) in samples.uncertainties.iter().enumerate() {
+            let at = samples.field.position(node % columns, node / columns);
+            let is_known = height(at.x, at.y).is_none() || uncertainty.slope < 1e-3;
+            assert!(is_known, "{name}: {} rad at ({}, {})", uncertainty.slope, at.x, at.y);
+        }
+    }
+}
+
 #[test]
 fn heights_on_mitred_fillets_are_accurate_or_cause_a_warning() {
     let surface = FittedSurface::of_part(

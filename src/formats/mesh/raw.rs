@@ -444,10 +444,6 @@ fn understood_mesh(
         {
             NormalsUsed::Smoothed
         }
-        // All faces of such a part are planes, unless facets turn on and on as those of a round face do.
-        (NormalsChoice::Auto, NormalsFound::FacetsOnly) if clues.is_open_cascade() && open.is_none() => {
-            NormalsUsed::Facets
-        }
         (NormalsChoice::Estimate, _) | (_, NormalsFound::None | NormalsFound::FacetsOnly) => {
             NormalsUsed::Estimated
         }

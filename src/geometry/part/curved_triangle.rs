@@ -132,7 +132,14 @@ impl CurvedTriangle {
                 |from: usize, to: usize| handle([corners[from], corners[to]], [normals[from], normals[to]]);
             handles[2 * side] + handles[2 * side + 1] - geodesic(side, next) - geodesic(next, side)
         });
-        let middle = handles.iter().sum::<Vector3<f64>>() / 4.0 + middle_of_turns(corners, normals, beside);
+        // By half of what the heights of both handles of a side differ, mm; on cylinders they are alike along the mean of the normals.
+        let uneven = [0, 1, 2].map(|side| {
+            let normal = (normals[side] + normals[(side + 1) % 3]).try_normalize(0.0).unwrap_or(facet);
+            (handles[2 * side] - handles[2 * side + 1]).dot(&normal) / 2.0
+        });
+        let middle = handles.iter().sum::<Vector3<f64>>() / 4.0
+            + middle_of_turns(corners, normals, beside)
+            + facet * height_of_bends(corners, uneven);
         let bulge = [handles[0], handles[1], handles[2], handles[3], handles[4], handles[5], middle];
         let largest_bulge = bulge.iter().map(Vector3::norm).fold(0.0, f64::max);
         Self { corners, bulge, largest_bulge }
@@ -150,7 +157,7 @@ impl CurvedTriangle {
         if !normals.iter().all(|normal| normal.dot(&facet).powi(2) > least) {
             return f64::INFINITY;
         }
-        let (mut longest, mut turn, mut lean, mut uneven) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+        let (mut longest, mut turn, mut lean, mut uneven, mut unlike) = (0.0f64, 0.0f64, 0.0f64, 0.0f64, 0.0f64);
         for from in 0..3 {
             let to = (from + 1) % 3;
             let along = corners[to] - corners[from];
@@ -158,6 +165,7 @@ impl CurvedTriangle {
             longest = longest.max(along.norm_squared());
             turn = turn.max((normals[to] - normals[from]).norm_squared());
             lean = lean.max(falls[0].abs()).max(falls[1].abs());
+            unlike = unlike.max((falls[1] - falls[0]).abs());
             if falls[0] * falls[1] > 0.0 && falls[0].abs().min(falls[1].abs()) > MIN_FALL {
                 uneven = uneven.max(((falls[1] - falls[0]) / (falls[1] + falls[0])).abs());
             }
@@ -165,10 +173,14 @@ impl CurvedTriangle {
         if turn > LITTLE_TURN {
             return f64::INFINITY;
         }
-        let handle = longest.sqrt() * (turn * LONGER + uneven * ALONG_TURN) + lean * MOST_SHARE;
+        let changed = longest.sqrt() * uneven * ALONG_TURN;
+        let handle = longest.sqrt() * turn * LONGER + changed + lean * MOST_SHARE;
+        // Half of what the heights of two handles above the facet differ by: what the sides leave the tangent planes differs, and the
+        // planes do.
+        let bend = changed + (unlike + lean * turn.sqrt()) * MOST_SHARE / 2.0;
         // The middle point is a quarter of the sum of six handles, and what the turns add: of two medians, at most twice as long and
-        // with twice the turn of a side.
-        1.5 * handle + longest.sqrt() * turn * (1.0 / 11.5 + turn.sqrt() / 15.5) + FLATNESS
+        // with twice the turn of a side. Uneven bends add two and a half of theirs, and one and a quarter beside an obtuse angle.
+        1.5 * handle + 3.75 * bend + longest.sqrt() * turn * (1.0 / 11.5 + turn.sqrt() / 15.5) + FLATNESS
     }
 
     /// Distance by which the patch can leave its facet, mm.
@@ -388,6 +400,29 @@ fn middle_of_turns(
     tangential + normal * (along_normal - normal.dot(&tangential))
 }
 
+/// How much higher than that of quadratics the middle point of a patch is, mm, where its sides bend unevenly: where each is higher by
+/// the `uneven` height at its first handle than in their mean, and as much lower at its last one.
+///
+/// The slope across a side changes evenly from one end of it to the other, as in the reduced triangle of Clough & Tocher (Ciarlet, The
+/// Finite Element Method for Elliptic Problems, 1978, section 6.1). Each side asks for a middle point of its own; each of them counts by the squares of the
+/// slopes that it would have with another one. Patches of an extruded curve of the third degree are exact; without this, narrow ones between long
+/// sides would fold.
+fn height_of_bends(corners: [Point3<f64>; 3], uneven: [f64; 3]) -> f64 {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for side in 0..3 {
+        let (next, last) = ((side + 1) % 3, (side + 2) % 3);
+        let (along, to) = (corners[next] - corners[side], corners[last] - corners[side]);
+        let squared = along.norm_squared();
+        if squared > 0.0 {
+            let weight = squared * squared.sqrt();
+            let foot = to.dot(&along) / squared;
+            sum += weight * ((1.5 - 3.0 * foot) * uneven[side] + (uneven[next] - uneven[last]) / 2.0);
+            weights += weight;
+        }
+    }
+    if weights > 0.0 { sum / weights } else { 0.0 }
+}
+
 /// Handle length as a share of the projected side. It makes an edge of constant curvature, as on cylinders, cones and
 /// spheres, nearly a circular arc; the paper's handles are shorter. A straight edge stays straight. The turn of the
 /// edge is the angle between the normals, or the directions, at its ends.
@@ -523,6 +558,32 @@ mod tests {
                     hit.on_patch && (hit.height - point.z).abs() < 1e-9,
                     "{row} {column}: {hit:?} {point}"
                 );
+            }
+        }
+    }
+
+    /// An extruded curve that bends one way at one end and the other way at the other, in facets that are far longer than wide.
+    #[test]
+    fn narrow_facets_of_a_curve_of_the_third_degree_do_not_fold() {
+        let height = |x: f64| 2e-4 * x * x * x - 3e-3 * x * x;
+        let on_curve = |x: f64, y: f64| {
+            let slope = 6e-4 * x * x - 6e-3 * x;
+            (Point3::new(x, y, height(x)), Vector3::new(-slope, 0.0, 1.0).normalize())
+        };
+        for width in [1.0, 0.1] {
+            for corners in [
+                [[0.0, 0.0], [10.0, 0.0], [10.0, width]],
+                [[0.0, 0.0], [10.0, 0.0], [4.0, width]],
+                [[0.0, 0.0], [10.0, 3.0], [10.0, 3.0 + width]],
+            ] {
+                let corners = corners.map(|[x, y]| on_curve(x, y));
+                let patch = CurvedTriangle::new(corners.map(|corner| corner.0), corners.map(|corner| corner.1));
+                let (mut off, mut tilt) = (0.0f64, 0.0f64);
+                for (point, normal) in patch.grid() {
+                    off = off.max((point.z - height(point.x)).abs());
+                    tilt = tilt.max(normal.angle(&on_curve(point.x, point.y).1));
+                }
+                assert!(off < 1e-4 && tilt < 1e-3, "{width} mm: {off} mm, {tilt} rad");
             }
         }
     }

@@ -214,6 +214,36 @@ mod tests {
         widths
     }
 
+    /// A ridge between two sides of 20 mm that turn on into fillets, whose arcs begin where the sides end.
+    #[test]
+    fn a_side_that_a_fillet_leaves_nothing_of_its_turn_is_flat() {
+        for (kink, facets) in [(4f64, 7u32), (6.0, 7), (8.0, 4)] {
+            let lean = (kink / 2.0).to_radians();
+            let step = (std::f64::consts::FRAC_PI_2 - lean) / f64::from(facets);
+            let (mut half, mut at) = (vec![(0.0f64, 0.0f64)], (20.0 * lean.cos(), -20.0 * lean.sin()));
+            half.push(at);
+            for facet in 0..facets {
+                let (angle, chord) = (lean + step * (f64::from(facet) + 0.5), 6.0 * (step / 2.0).sin());
+                at = (at.0 + chord * angle.cos(), at.1 - chord * angle.sin());
+                half.push(at);
+            }
+            let mirrored = half.iter().skip(1).rev().map(|&(x, z)| (-x, z));
+            let profile: Vec<(f64, f64)> = mirrored.chain(half.iter().copied()).collect();
+            let row = |&(x, z): &(f64, f64)| [0.0, 40.0].map(|y| Point3::new(x, y, z));
+            let positions: Vec<_> = profile.iter().flat_map(row).collect();
+            let triangles: Vec<[u32; 3]> = (0..profile.len() as u32 - 1)
+                .flat_map(|at| [[2 * at, 2 * at + 2, 2 * at + 3], [2 * at, 2 * at + 3, 2 * at + 1]])
+                .collect();
+            let continued = opposite_sides(&triangles);
+            let section = Facets { positions: &positions, triangles: &triangles, continued: &continued };
+            let is_ridge = |side: &usize| {
+                section.ends(*side).iter().all(|end| end.x == 0.0) && *side < continued[*side] as usize
+            };
+            let ridge = (0..continued.len()).find(is_ridge).map(|side| [side as u32, continued[side]]).unwrap();
+            assert_eq!(found(&section, &[ridge]).len(), 0, "{kink} degrees in {facets}");
+        }
+    }
+
     #[test]
     fn a_polygon_beyond_an_arc_is_flat() {
         for rows in [1, 3] {

@@ -34,3 +34,14 @@ BRepMesh_IncrementalMesh(box.val().wrapped, 0.1, False, 0.5, False)
 writer = StlAPI_Writer()
 writer.ASCIIMode = False
 writer.Write(box.val().wrapped, "occ-top-fillets-6.stl")
+
+# Both halves of a mould draw such a part: it has a draft of 1 degree on both sides of its parting line.
+
+
+def drafted(outline):
+    return outline().extrude(30, taper=1).union(outline().extrude(-30, taper=1))
+
+
+box = drafted(lambda: cadquery.Workplane("YZ").sketch().rect(40, 30).vertices().fillet(4).finalize())
+export(box, "occ-drafted-box.glb", 0.1)
+export(drafted(lambda: cadquery.Workplane("YZ").circle(20)), "occ-drafted-can.glb", 0.1)
