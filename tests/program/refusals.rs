@@ -156,7 +156,7 @@ fn drawings_that_are_not_on_the_part() {
         1,
         &["part spans x -", "ink without surface 2", "what to do: Move the drawing (`place_mm`, `--place`)"],
     );
-    // The extents are those of the part.
+    // The extents are those of the part, to a sample: of 110 mm there are 144.
     let facts = desk.isomark(&["inspect", &part(MOUSE), "--json"]).out;
     let facts: serde_json::Value = serde_json::from_str(&facts).unwrap();
     let (_, spans) = beside.err.split_once("part spans ").unwrap();
@@ -165,7 +165,7 @@ fn drawings_that_are_not_on_the_part() {
         let (low, high) = span.trim_start_matches(axis).split_once(" to ").unwrap();
         let width = high.parse::<f64>().unwrap() - low.parse::<f64>().unwrap();
         let size = facts["size_mm"][usize::from(axis == " y ")].as_f64().unwrap();
-        assert!((size - width).abs() < 0.11, "{spans}: {width} of {size}");
+        assert!((size - width).abs() < 0.77, "{spans}: {width} of {size}");
     }
     // A can of 66 mm round its axis, whose nodes are not symmetric.
     for can in ["can/fc020-gui.glb", "can/part.step"] {

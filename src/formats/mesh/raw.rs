@@ -480,7 +480,9 @@ fn understood_mesh(
         (NormalsUsed::Estimated | NormalsUsed::Smoothed, NormalsFound::Averaged, _) => {
             mesh.with_shading_normals()
         }
-        (NormalsUsed::File | NormalsUsed::Mixed, ..) if clues.knows_faces() => mesh.with_exact_normals(),
+        (NormalsUsed::File | NormalsUsed::Mixed, NormalsFound::Smooth, _) if clues.knows_faces() => {
+            mesh.with_exact_normals()
+        }
         _ => mesh,
     };
     Ok((mesh.with_open_turns(turns), understood))

@@ -542,7 +542,7 @@ impl<'f> FacingPart<'f> {
         hits.iter().map(|hit| hit.map_or(0.0, |(triangle, _)| self.mesh.doubts[triangle as usize])).collect()
     }
 
-    /// Marks the nodes round creases, the edges of the part that only its facets show: such an edge may end in the
+    /// Marks the nodes round sharp creases, which may be edges that only the facets of the part show: such an edge may end in the
     /// middle of a smooth side.
     fn mark_creases(&self, field: &HeightField, is_at_edge: &mut [bool]) {
         for crease in self.mesh.creases.iter().filter(|crease| crease.is_sharp) {

@@ -86,10 +86,12 @@ pub struct SmoothMesh {
     /// For each triangle, how far the slope of the part may be from that of its curved patch, rad (`slopes`); empty if all
     /// facets are small.
     pub slope_doubts: Vec<f32>,
+    /// Whether the normals are those of the file, as far as it has them.
+    pub(super) has_given_normals: bool,
     /// Standard deviation of the positions by the rounding of the file's numbers, mm.
     pub(super) rounding: f64,
-    /// Edges of the part that only the facets show: one entry for each of the two sides, in ascending order of the
-    /// sides.
+    /// Edges of the part that only the facets or exact normals show: one entry for each of the two sides, in ascending order of
+    /// the sides.
     pub(super) creases: Vec<Crease>,
     /// The triangles that are facets of a cone, in ascending order, each with the cone, which is the part there: the curved patch is
     /// only near it.
@@ -137,7 +139,8 @@ impl SmoothMesh {
         for crease in self.creases_of(triangle) {
             edges[crease.side as usize % 3] = Some(crease.directions);
         }
-        CurvedTriangle::beside_edges(corners, normals, edges)
+        let patch = CurvedTriangle::beside_edges(corners, normals, edges);
+        if self.has_given_normals { patch.with_even_slopes(normals) } else { patch }
     }
 
     /// The cone of which a triangle is a facet, if it is of one.

@@ -136,8 +136,7 @@ fn of_round_prism(turned: f64, beside: &[Beside; 2]) -> impl Iterator<Item = (&[
     let [one, other] = beside.each_ref().map(|beside| beside.length);
     let turns_on = |way: usize| {
         let ahead = if way == 0 { -turned } else { turned };
-        let goes_on =
-            |turn: f64| turn * ahead > 0.0 && are_of_regular_prism(turn.abs(), turned.abs());
+        let goes_on = |turn: f64| turn * ahead > 0.0 && are_of_regular_prism(turn.abs(), turned.abs());
         beside[way].turn.is_some_and(goes_on) && !beside[way].is_flat(turned / 2.0)
     };
     // Each turns by its share.
@@ -239,7 +238,8 @@ mod tests {
             let is_ridge = |side: &usize| {
                 section.ends(*side).iter().all(|end| end.x == 0.0) && *side < continued[*side] as usize
             };
-            let ridge = (0..continued.len()).find(is_ridge).map(|side| [side as u32, continued[side]]).unwrap();
+            let ridge =
+                (0..continued.len()).find(is_ridge).map(|side| [side as u32, continued[side]]).unwrap();
             assert_eq!(found(&section, &[ridge]).len(), 0, "{kink} degrees in {facets}");
         }
     }

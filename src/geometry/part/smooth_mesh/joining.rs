@@ -37,7 +37,7 @@ const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
 /// Facets are about equally wide if one is at most this many times as wide as the other.
 const ABOUT_AS_WIDE: f64 = 1.5;
 
-/// Tangent planes that are estimated and meet at a smaller angle than this, rad, are one.
+/// Tangent planes that meet at a smaller angle than this, rad, are one.
 const SAME_PLANE: f64 = 0.02;
 /// An edge that leaves its side further than this, as a cosine, is damage.
 const LEAST_ALONG: f64 = 0.5;
@@ -288,7 +288,8 @@ impl SmoothMesh {
         vertices().for_each(|(&own, &given)| shared[own as usize] = positions[given as usize]);
         drop(positions);
         let mut normals = vec![Vector3::zeros(); count];
-        if !only_shades && !given.is_empty() {
+        let has_given_normals = !only_shades && !given.is_empty();
+        if has_given_normals {
             vertices().for_each(|(&own, &vertex)| normals[own as usize] += given[vertex as usize]);
         }
         drop(given);
@@ -300,6 +301,7 @@ impl SmoothMesh {
             continued: opposite,
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
+            has_given_normals,
             rounding: rounding::deviation(mesh.positions()),
             creases: Vec::new(),
             cones: Vec::new(),
@@ -326,8 +328,7 @@ impl SmoothMesh {
         let before = || smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         let of_turned = turned::found(&smooth, &estimated, is_round, near, before, fork);
         of_turned.settle(&mut smooth, &mut estimated, &mut deviations);
-        let least_angle = if mesh.has_exact_normals() { EXACT_NORMAL_TOLERANCE } else { SAME_PLANE };
-        smooth.creases = smooth.edges_between(beside, is_round, least_angle);
+        smooth.creases = smooth.edges_between(beside, is_round);
         smooth.doubt_rounded(&rounded);
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         smooth.replace_slope_doubts(of_strips);
@@ -421,6 +422,7 @@ impl SmoothMesh {
             continued: vec![NONE; facets.len() * 3],
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
+            has_given_normals: false,
             rounding: 0.0,
             creases: Vec::new(),
             cones: Vec::new(),
@@ -514,14 +516,8 @@ impl SmoothMesh {
     }
 
     /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at
-    /// both ends are given. On a cylinder (`is_round`) they follow from it, and not from what is beyond. Tangent planes that meet at less
-    /// than `least_angle`, rad, are one.
-    fn edges_between(
-        &self,
-        edges: Vec<[(usize, usize); 2]>,
-        is_round: &[bool],
-        least_angle: f64,
-    ) -> Vec<Crease> {
+    /// both ends are given. On a cylinder (`is_round`) they follow from it, and not from what is beyond.
+    fn edges_between(&self, edges: Vec<[(usize, usize); 2]>, is_round: &[bool]) -> Vec<Crease> {
         let is_round = |crease: &Crease| is_round.get(crease.side as usize / 3) == Some(&true);
         let vertex = |corner: usize| self.triangles[corner / 3][corner % 3] as usize;
         let normals = |(one, other): (usize, usize)| [one, other].map(|corner| self.normals[vertex(corner)]);
@@ -529,7 +525,7 @@ impl SmoothMesh {
         for ends in edges {
             let [from, to] = ends.map(|end| self.positions[vertex(end.0)]);
             let (along, normals) = (to - from, ends.map(normals));
-            let directions = normals.map(|normals| edge_direction(normals, along, least_angle));
+            let directions = normals.map(|normals| edge_direction(normals, along));
             let is_sharp = normals.iter().any(|[one, other]| one.dot(other) < NORMAL_TOLERANCE.cos());
             let ends_within = self.regions[ends[0].0 / 3] == self.regions[ends[0].1 / 3];
             let is_straight =
@@ -616,13 +612,12 @@ impl SmoothMesh {
     }
 }
 
-/// The unit direction in which two tangent planes meet, along a side of the mesh; where they meet at less than `least_angle`, rad, and are
-/// one, that of the side within it.
-fn edge_direction([one, other]: [Vector3<f64>; 2], along: Vector3<f64>, least_angle: f64) -> Vector3<f64> {
+/// The unit direction in which two tangent planes meet, along a side of the mesh; where they are one, that of the side within it.
+fn edge_direction([one, other]: [Vector3<f64>; 2], along: Vector3<f64>) -> Vector3<f64> {
     let meet = one.cross(&other);
     let within = |normal: Vector3<f64>| along - normal * along.dot(&normal);
     let direction = match meet.norm() {
-        angle if angle > least_angle => meet * meet.dot(&along).signum(),
+        angle if angle > SAME_PLANE => meet * meet.dot(&along).signum(),
         _ => within((one + other).try_normalize(0.0).unwrap_or(one)),
     };
     let straight = along.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
