@@ -26,7 +26,8 @@ enum Verb {
     /// Makes or upgrades the tables and roles of a fleet. Log in as the owner of the database, who may create roles. Safe to run
     /// twice.
     Init(Place),
-    /// Checks the connection, the server, its clock, the tables and the rights of the login.
+    /// Checks the connection, the server, its clock, the tables and the rights of the login; with the settings of a station, also that
+    /// the login may be this station.
     Check(Place),
     /// Shows every station of a fleet.
     Status {
@@ -79,7 +80,10 @@ impl FleetArguments {
 pub(super) fn run(arguments: &FleetArguments) -> Outcome {
     match &arguments.verb {
         Verb::Init(place) => init(&place.address()?),
-        Verb::Check(place) => check(&place.address()?),
+        Verb::Check(place) => {
+            let (address, station) = place.address_and_station()?;
+            check(&address, station.as_deref())
+        }
         Verb::Status { place, json } => status(&place.address()?, *json),
         Verb::Release(arguments) => release::run(arguments),
         Verb::Prune { place, unused_days, max_gb, fit, ended_days, station } => {
@@ -116,8 +120,8 @@ fn init(address: &Address) -> Outcome {
     Ok(())
 }
 
-fn check(address: &Address) -> Outcome {
-    let (found, end) = fleet::check(address);
+fn check(address: &Address, station: Option<&str>) -> Outcome {
+    let (found, end) = fleet::check(address, station);
     let mut wrong = 0;
     for checked in &found {
         match &checked.remedy {

@@ -31,7 +31,9 @@ impl From<FleetError> for Failure {
             FleetError::Url(_)
             | FleetError::Password(_)
             | FleetError::Certificate(_)
-            | FleetError::UnknownStation { .. } => Exit::Usage,
+            | FleetError::UnknownStation { .. }
+            | FleetError::UnknownFit { .. }
+            | FleetError::ListForGroup { .. } => Exit::Usage,
             _ => Exit::Environment,
         };
         Self::new(exit, error.reason())

@@ -9,7 +9,7 @@ use tokio_postgres::types::Type;
 
 use super::address::Address;
 use super::desk::Desk;
-use super::error::FleetError;
+use super::error::{FleetError, Needed};
 use super::migrations;
 use super::session::{Session, run};
 use crate::config::FleetSettings;
@@ -364,7 +364,8 @@ pub fn send(
     drawings: Vec<Sending>,
     mut sent: impl FnMut(&str, Sent),
 ) -> Result<(), FleetError> {
-    run(async {
+    let needed = if station.is_some() { Needed::Station } else { Needed::StationOrOffice };
+    run(needed, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
         let login = session.row("SELECT session_user::text", &[]).await?;
@@ -407,7 +408,7 @@ pub fn take_over(
     line: Option<&str>,
     is_forced: bool,
 ) -> Result<Vec<TakenOver>, FleetError> {
-    run(async {
+    run(Needed::StationOrOffice, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
         let rows = session

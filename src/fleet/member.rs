@@ -18,7 +18,7 @@ use tokio_postgres::types::Type;
 use super::address::Address;
 use super::asking::{After, Asking, News, Step, Wish};
 use super::desk::{Contact, Desk, Earlier};
-use super::error::FleetError;
+use super::error::{FleetError, Needed};
 use super::fits::{self, Fetched};
 use super::incoming::{self, Incoming};
 use super::jobs;
@@ -214,7 +214,7 @@ impl Member {
         loop {
             let error = match self.connected(orders, &mut pause).await {
                 Ok(()) => return,
-                Err(error) => error,
+                Err(error) => error.needing(Needed::Station),
             };
             self.is_away(&error);
             let again = Instant::now() + pause;

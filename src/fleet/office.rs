@@ -7,7 +7,7 @@ use tokio_postgres::Row;
 use tokio_postgres::types::Type;
 
 use super::address::Address;
-use super::error::FleetError;
+use super::error::{FleetError, Needed};
 use super::jobs::{self, Jobs};
 use super::migrations;
 use super::releasing::{self, StationSettings};
@@ -22,6 +22,8 @@ pub const SCHEMA: &str = "isomark.fleet/1";
 const LONGEST_SILENCE: f64 = 45.0;
 /// The difference between two clocks that `check` reports, s.
 const CLOCKS: f64 = 5.0;
+/// The role of stations.
+const STATION: &str = "isomark_station";
 /// The oldest version of PostgreSQL that is tested.
 const OLDEST_SERVER: i32 = 150_000;
 /// The most stations that are listed.
@@ -88,24 +90,30 @@ pub struct SharedFits {
 /// # Errors
 /// When the database cannot be used, its tables are newer, or the login does not own it.
 pub fn init(address: &Address) -> Result<Initialised, FleetError> {
-    run(async {
+    run(Needed::Owner, async {
         let session = Session::open::<()>(address, None).await?;
         let from = migrations::upgrade(&session).await?;
         Ok(Initialised { from, to: migrations::VERSION })
     })
 }
 
-/// Checks connection, server, tables, rights and clock, up to the first failure that makes the others pointless.
+/// Checks connection, server, tables, rights and clock, up to the first failure that makes the others pointless; and whether the login
+/// may be the station of this name, if one is given.
 ///
 /// # Errors
 /// As [`status`], and with what was found before.
-pub fn check(address: &Address) -> (Vec<Checked>, Option<FleetError>) {
+pub fn check(address: &Address, station: Option<&str>) -> (Vec<Checked>, Option<FleetError>) {
     let mut found = Vec::new();
-    let end = run(checks(address, &mut found));
+    let needed = if station.is_some() { Needed::Station } else { Needed::AnyRole };
+    let end = run(needed, checks(address, station, &mut found));
     (found, end.err())
 }
 
-async fn checks(address: &Address, found: &mut Vec<Checked>) -> Result<(), FleetError> {
+async fn checks(
+    address: &Address,
+    station: Option<&str>,
+    found: &mut Vec<Checked>,
+) -> Result<(), FleetError> {
     let mut note = |what: String, remedy: Option<&str>| {
         found.push(Checked { what, remedy: remedy.map(str::to_owned) });
     };
@@ -148,12 +156,27 @@ async fn checks(address: &Address, found: &mut Vec<Checked>) -> Result<(), Fleet
         )
         .await?;
     let roles: Vec<String> = roles.iter().map(|row| row.try_get(0)).collect::<Result<_, _>>()?;
-    match roles.is_empty() {
-        true => note(
-            format!("{login} has no role of the fleet"),
-            Some("Give the login its role, such as `GRANT isomark_station TO laser1`."),
+    let needed = if station.is_some() { Needed::Station } else { Needed::AnyRole };
+    match (roles.is_empty(), station) {
+        (true, _) => note(format!("{login} has no role of the fleet"), Some(&needed.remedy())),
+        (false, Some(_)) if !roles.iter().any(|role| role == STATION) => note(
+            format!("{login} has the rights of {}, not those of {STATION}", roles.join(", ")),
+            Some(&needed.remedy()),
         ),
-        false => note(format!("{login} has the rights of {}", roles.join(", ")), None),
+        (false, _) => note(format!("{login} has the rights of {}", roles.join(", ")), None),
+    }
+    if let Some(station) = station {
+        let owner = session
+            .rows("SELECT login::text FROM isomark.station WHERE name = $1", &[(&station, Type::TEXT)])
+            .await?;
+        let owner = owner.first().map(|row| row.try_get::<_, String>(0)).transpose()?;
+        match owner.filter(|owner| *owner != login) {
+            Some(owner) => note(
+                format!("the station name \"{station}\" belongs to the login {owner}"),
+                Some(&FleetError::NameOfAnother(String::new()).reason().remedy),
+            ),
+            None => note(format!("{login} may use the station name \"{station}\""), None),
+        }
     }
     Ok(())
 }
@@ -163,7 +186,7 @@ async fn checks(address: &Address, found: &mut Vec<Checked>) -> Result<(), Fleet
 /// # Errors
 /// When the database cannot be used, or its tables are not those of this program.
 pub fn status(address: &Address) -> Result<FleetStatus, FleetError> {
-    run(async {
+    run(Needed::AnyRole, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
         let by_name = "ORDER BY name COLLATE \"C\" LIMIT $1";

@@ -3,7 +3,7 @@
 use tokio_postgres::types::Type;
 
 use super::address::Address;
-use super::error::FleetError;
+use super::error::{FleetError, Needed};
 use super::migrations;
 use super::office::{self, SharedFits};
 use super::releasing;
@@ -49,7 +49,7 @@ pub struct Pruned {
 /// When the database cannot be used, the login may not remove that, or the station is unknown, alive or has jobs that have not
 /// ended.
 pub fn prune(address: &Address, prune: &Prune) -> Result<Pruned, FleetError> {
-    run(async {
+    run(Needed::Office, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
         if let Some(station) = &prune.station {

@@ -7,7 +7,7 @@ use serde::Serialize;
 use tokio_postgres::types::Type;
 
 use super::address::Address;
-use super::error::FleetError;
+use super::error::{FleetError, Needed};
 use super::migrations;
 use super::released_text::MOST_LINES;
 use super::releases::LARGEST;
@@ -173,7 +173,7 @@ impl SkuSettingsState {
 /// # Errors
 /// When the database cannot be used, the login may not release, or no station has the given name.
 pub fn release(address: &Address, new: &NewRelease<'_>) -> Result<Released, FleetError> {
-    run(async {
+    run(Needed::Office, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
         if let Some(station) = new.station {
@@ -237,7 +237,7 @@ pub(super) async fn must_exist(session: &Session, station: &str) -> Result<(), F
 /// # Errors
 /// When the database cannot be used, or the login may not see them.
 pub fn history(address: &Address, sku: &Sku) -> Result<Releases, FleetError> {
-    run(async {
+    run(Needed::AnyRole, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
         let rows = session

@@ -11,7 +11,7 @@ use tokio_postgres::types::{ToSql, Type};
 use tokio_postgres::{AsyncMessage, Client, Row};
 
 use super::address::Address;
-use super::error::FleetError;
+use super::error::{FleetError, Needed};
 use super::tls::Verified;
 
 /// How long to wait for a connection, with encryption and login: some ten messages, each of which may take two seconds.
@@ -111,10 +111,14 @@ impl Session {
     }
 }
 
-/// Runs work with the database to its end, in a command.
-pub(super) fn run<T>(work: impl Future<Output = Result<T, FleetError>>) -> Result<T, FleetError> {
+/// Runs work with the database to its end, in a command that needs these rights.
+pub(super) fn run<T>(
+    needed: Needed,
+    work: impl Future<Output = Result<T, FleetError>>,
+) -> Result<T, FleetError> {
     let runtime = Builder::new_current_thread().enable_io().enable_time().build();
-    runtime.map_err(|error| FleetError::Away(error.to_string()))?.block_on(work)
+    let runtime = runtime.map_err(|error| FleetError::Away(error.to_string()))?;
+    runtime.block_on(work).map_err(|error| error.needing(needed))
 }
 
 async fn within<T>(

@@ -18,7 +18,7 @@ use tokio::time::{Instant, timeout, timeout_at};
 use tokio_postgres::types::Type;
 
 use super::address::Address;
-use super::error::FleetError;
+use super::error::{FleetError, Needed};
 use super::fits;
 use super::migrations;
 use super::session::{Heard, Session};
@@ -178,7 +178,7 @@ impl Worker {
         loop {
             let error = match self.connected(&mut pause).await {
                 Ok(()) => return,
-                Err(error) => error,
+                Err(error) => error.needing(Needed::Worker),
             };
             let kind = discriminant(&error);
             if self.trouble.replace(kind) != Some(kind) {

@@ -603,6 +603,12 @@ const CODES: &[Code] = &[
         "Follow the remedies in the lines that begin with `wrong`, and check again.",
     ]),
     reason([
+        "fleet-fit-unknown",
+        "The fleet has no fit with this key.",
+        "`--fit` of `isomark fleet prune` names a fitted surface by its key of 32 digits. The key is mistyped, or the fit was removed before.",
+        "Copy the key from the log of the station that names it.",
+    ]),
+    reason([
         "fleet-newer",
         "The tables of the fleet are newer than this program, or were made by another one.",
         "Another computer with a newer isomark upgraded the tables. This program does not write into tables that it does not know. A \
@@ -634,8 +640,8 @@ const CODES: &[Code] = &[
         "The fleet's database refuses the connection.",
         "User or password are wrong, pg_hba.conf does not permit the login, the database does not exist, or the server is not the one that \
          its certificate names. Connections to other computers are encrypted and verified.",
-        "Check user, password, name of the host and certificate. For a server without TLS on a trusted network, add \
-         `?sslmode=disable` to the URL.",
+        "Do what the message says: it names the cause. Only for a server that offers no TLS, on a trusted network, put \
+         `?sslmode=disable` at the end of the URL.",
     ]),
     reason([
         "fleet-release-too-large",
@@ -649,7 +655,7 @@ const CODES: &[Code] = &[
         "The login may not do this in the fleet's database.",
         "Each login needs one of the roles isomark_station, isomark_worker, isomark_office or isomark_viewer. A station's name belongs to \
          the login that first used it.",
-        "Run `GRANT isomark_station TO laser1` with the name of the login, as the owner of the database; or give the station \
+        "Run the `GRANT` that the message names, as the owner of the database, with the name of the login; or give the station \
          another `name` under [fleet].",
     ]),
     reason([
@@ -978,6 +984,14 @@ const CODES: &[Code] = &[
         "The list has no row that can be marked.",
         "A list has the names of its columns in the first row, and a product in each other row.",
         "Add a row for each product.",
+    ]),
+    reason([
+        "list-for-group",
+        "A drawing with a list is for a line that several stations take from.",
+        "A list gives serial numbers that continue from list to list, and each station counts its own. Two stations of a group would mark \
+         the same numbers on different products, also while the fleet's database is cut off.",
+        "Send the drawing with its list to one station, by the name of the station: `isomark send URL --to laser2 can@label.dxf`, or \
+         `line = \"laser2\"` in the rule under [route]. Send all lists of a SKU to the same station.",
     ]),
     reason([
         "list-removed",

@@ -57,7 +57,8 @@ fn the_server_is_verified_and_nothing_falls_back_to_a_plain_connection() {
     fleet(&desk, &["init", &url, "--certificate", "absent.pem"]).refused(2, &["absent.pem"]);
     certificates(&desk, "plant", "IP:127.0.0.1");
     // The server has no certificate yet.
-    fleet(&desk, &["init", &url, "--certificate", "plant.pem"]).refused(3, &["TLS"]);
+    fleet(&desk, &["init", &url, "--certificate", "plant.pem"])
+        .refused(3, &["TLS", "Set up TLS on the server", "sslmode=disable"]);
     let set_up = |names: &str| {
         certificates(&desk, "plant", names);
         for file in ["server.key", "server.pem"] {
@@ -76,12 +77,17 @@ fn the_server_is_verified_and_nothing_falls_back_to_a_plain_connection() {
     let ciphers = "SELECT count(*) FROM pg_stat_ssl WHERE ssl AND version >= 'TLSv1.2'";
     assert_eq!(server.sql("isomark", ciphers), "1", "psql itself is encrypted, so the server is");
     // The system does not trust this authority.
-    fleet(&desk, &["status", &url]).refused(3, &["UnknownIssuer"]);
+    let refused = |options: &[&str], words: &[&str]| {
+        let output = fleet(&desk, &[&["status", &url], options].concat());
+        output.refused(3, &[words, &["Name the authority", "--certificate"]].concat());
+        assert!(!output.err.contains("sslmode=disable"), "{output:?}");
+    };
+    refused(&[], &["UnknownIssuer"]);
     // The certificate is for another server.
     set_up("IP:127.0.0.2,DNS:localhost");
-    fleet(&desk, &["status", &url, "--certificate", "plant.pem"]).refused(3, &["not valid for name"]);
+    refused(&["--certificate", "plant.pem"], &["not valid for name"]);
     // Another authority signed for the right name.
     certificates(&desk, "stranger", "IP:127.0.0.1");
     set_up("IP:127.0.0.1");
-    fleet(&desk, &["status", &url, "--certificate", "stranger.pem"]).refused(3, &["certificate"]);
+    refused(&["--certificate", "stranger.pem"], &["certificate"]);
 }

@@ -80,14 +80,66 @@ fn a_login_is_refused_or_without_rights_with_the_reason() {
     let Some((server, desk)) = server_with_tables() else { return };
     server.sql("isomark", &format!("CREATE ROLE nobody LOGIN PASSWORD '{SECRET}'"));
     let url = server.url("nobody");
-    fleet(&desk, &["status", &url]).refused(3, &["permission denied", "GRANT isomark_station"]);
-    fleet(&desk, &["init", &url]).refused(3, &["permission denied"]);
+    desk.write("given.toml", "");
+    desk.write("can.dxf", crate::station::line(9.0));
+    let needs = |arguments: &[&str], words: &[&str]| {
+        desk.isomark(&[arguments, &["--password-file", "password.txt"]].concat())
+            .refused(3, &[&["does not permit this"], words].concat());
+    };
+    needs(&["fleet", "status", &url], &["GRANT isomark_viewer", "isomark_station"]);
+    needs(&["fleet", "check", &url], &["GRANT isomark_viewer"]);
+    needs(&["fleet", "release", "can", "given.toml", &url], &["GRANT isomark_office"]);
+    needs(&["fleet", "prune", &url, "--unused-days", "1"], &["GRANT isomark_office"]);
+    needs(&["send", &url, "--to", "cups", "can.dxf"], &["GRANT isomark_office", "isomark_station"]);
+    needs(&["fleet", "init", &url], &["owner of the database", "CREATEROLE"]);
+    // Each cause has its own remedy, and none switches encryption off.
+    let refused = |url: &str, options: &[&str], words: &[&str]| {
+        let output = desk.isomark(&[&["fleet", "status", url], options].concat());
+        output.refused(3, &[&["refuses the connection"], words].concat());
+        assert!(!output.err.contains("sslmode=disable"), "{output:?}");
+    };
+    let with_password = ["--password-file", "password.txt"];
+    refused(&url, &[], &["password missing", "--password-file", "ISOMARK_FLEET_PASSWORD"]);
+    refused(&format!("{url}s"), &with_password, &["does not exist", "name of the database"]);
     server.sql("isomark", "ALTER ROLE nobody PASSWORD 'another'");
-    fleet(&desk, &["status", &url]).refused(3, &["password authentication failed", "pg_hba.conf"]);
+    refused(&url, &with_password, &["password authentication failed", "the password in the file"]);
     let nowhere = format!("postgresql://owner@127.0.0.1:{}/isomark", crate::server::free_port());
     fleet(&desk, &["status", &nowhere]).refused(3, &["cannot be reached"]);
     desk.isomark(&["fleet", "status", "postgresql://owner:secret@localhost/isomark"])
         .refused(2, &["contains a password"]);
+}
+
+/// What the fleet would refuse when the station starts.
+#[test]
+fn a_check_with_the_settings_of_a_station_requires_that_the_login_may_be_this_station() {
+    let Some((server, desk)) = server_with_tables() else { return };
+    for (login, role) in [("laser1", "station"), ("laser2", "station"), ("anna", "office"), ("eve", "viewer")]
+    {
+        server.login(login, role);
+    }
+    server.sql("isomark", &format!("CREATE ROLE nobody LOGIN PASSWORD '{SECRET}'"));
+    let beat = "SELECT isomark.beat('line 1', 'p', 'isomark', true, 0, 0, 0, 0, 0, 0, NULL)";
+    assert!(server.sql_as("laser1", SECRET, "isomark", beat).status.success());
+    let check = |login: &str| {
+        let station = crate::station::Station::new("line 1", &crate::station::in_fleet(&server.url(login)));
+        let output = station.desk.isomark(&["fleet", "check", "station.toml"]);
+        assert_eq!(fleet(&desk, &["check", &server.url(login)]).code == 0, login != "nobody");
+        output
+    };
+    let output = check("laser1");
+    assert!(output.code == 0 && !output.out.contains("wrong"), "{output:?}");
+    for (login, words) in [
+        (
+            "laser2",
+            "wrong  the station name \"line 1\" belongs to the login laser1. Give the station another `name`",
+        ),
+        ("anna", "wrong  anna has the rights of isomark_office, not those of isomark_station. As the owner"),
+        ("eve", "GRANT isomark_station TO"),
+    ] {
+        let output = check(login);
+        assert!(output.code == 3 && output.out.contains(words), "{login}: {output:?}");
+    }
+    check("nobody").refused(3, &["GRANT isomark_station TO"]);
 }
 
 /// What each role may do, in SQL. All roles may read the version of the tables and the stations.
