@@ -25,6 +25,11 @@ pub(super) struct Place {
     pub(super) certificate: Option<PathBuf>,
 }
 
+/// The name of a line, as `lines` under [fleet] may have it.
+pub(super) fn parse_line(text: &str) -> Result<String, String> {
+    if FleetSettings::is_name(text) { Ok(text.into()) } else { Err(FleetSettings::name_remedy()) }
+}
+
 impl From<FleetError> for Failure {
     fn from(error: FleetError) -> Self {
         let exit = match error {

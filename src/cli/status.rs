@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use clap::Args;
 
-use super::fleet_place::Place;
+use super::fleet_place::{Place, parse_line};
 use super::options::parse_sku;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
 use super::send::take_over;
@@ -50,12 +50,12 @@ pub(super) struct RetryArguments {
     #[arg(long, value_name = "SKU", num_args = 0..=1, conflicts_with_all = ["drops", "rejected", "uncertain"])]
     outdated: Option<Option<String>>,
     /// Returns jobs to their line's queue when the station that took them will not finish them: the job with this number, or all
-    /// jobs of this station. Check at the laser first: they may have been marked. Give the URL of the fleet, or the settings of any
-    /// of its stations.
+    /// jobs of this station. Check at the laser first: they may have been marked. With `--to`, also puts a job that no station has
+    /// taken into the queue of another line. Give the URL of the fleet, or the settings of any of its stations.
     #[arg(long, value_name = "JOB|STATION", conflicts_with_all = ["drops", "rejected", "uncertain", "outdated"])]
     take_over: Option<String>,
     /// With `--take-over`: into the queue of this line.
-    #[arg(long, value_name = "LINE", requires = "take_over")]
+    #[arg(long, value_name = "LINE", requires = "take_over", value_parser = parse_line)]
     to: Option<String>,
     /// With `--take-over`: also if the station gave a sign of life in the last 45 s.
     #[arg(long, requires = "take_over")]

@@ -39,8 +39,16 @@ impl FleetSettings {
     const LINES: usize = 100;
 
     /// What a name for a station or a line must be.
-    pub(super) fn name_remedy() -> String {
+    pub(crate) fn name_remedy() -> String {
         format!("Give a name on one line, with at most {} characters.", Self::LONGEST_NAME)
+    }
+
+    /// Whether a text is a name for a station or a line.
+    #[must_use]
+    pub fn is_name(text: &str) -> bool {
+        !text.trim().is_empty()
+            && !text.chars().any(char::is_control)
+            && text.chars().count() <= Self::LONGEST_NAME
     }
 
     /// Whether a URL contains a password, which would be logged with the settings and shown in lists of processes.
@@ -60,13 +68,6 @@ impl FleetSettings {
     pub fn is_url(url: &str) -> bool {
         url.starts_with("postgresql://") || url.starts_with("postgres://")
     }
-}
-
-/// Whether a text is a name for a station or a line.
-pub(super) fn is_name(text: &str) -> bool {
-    !text.trim().is_empty()
-        && !text.chars().any(char::is_control)
-        && text.chars().count() <= FleetSettings::LONGEST_NAME
 }
 
 #[derive(Default, Deserialize)]
@@ -98,13 +99,13 @@ impl FleetKeys {
             what: what.into(),
             remedy: remedy.into(),
         };
-        if let Some(name) = self.name.as_ref().filter(|name| !is_name(name.get_ref())) {
+        if let Some(name) = self.name.as_ref().filter(|name| !FleetSettings::is_name(name.get_ref())) {
             let remedy = FleetSettings::name_remedy();
             return Err(wrong(name, "`fleet.name` is not a name for the station.", &remedy));
         }
         if let Some(lines) = &self.lines
             && (lines.get_ref().len() > FleetSettings::LINES
-                || !lines.get_ref().iter().all(|line| is_name(line)))
+                || !lines.get_ref().iter().all(|line| FleetSettings::is_name(line)))
         {
             return Err(ConfigError::Contradiction {
                 spot: text.spot(&lines.span()),

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::error::ConfigError;
-use super::fleet::{FleetSettings, is_name};
+use super::fleet::FleetSettings;
 use super::sku::{Sku, fold};
 use super::text::SettingsText;
 
@@ -111,7 +111,7 @@ impl RouteKeys {
                 let what = "A rule of `route.rules` has no pattern.".to_owned();
                 return Err(wrong(&rule.line.span(), what, remedy.into()));
             }
-            if !is_name(rule.line.get_ref()) {
+            if !FleetSettings::is_name(rule.line.get_ref()) {
                 let what = "`line` in `route.rules` is not a name for a line.".to_owned();
                 return Err(wrong(&rule.line.span(), what, FleetSettings::name_remedy()));
             }

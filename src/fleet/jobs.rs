@@ -381,7 +381,7 @@ pub fn send(
     })
 }
 
-/// A job that a station had taken.
+/// A job that [`take_over`] found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TakenOver {
@@ -389,16 +389,32 @@ pub struct TakenOver {
     pub id: String,
     /// The name of the drawing.
     pub name: String,
-    /// The station that had taken it.
-    pub station: String,
-    /// The line in whose queue it is now.
+    /// The station that had taken it; `None` if none had.
+    pub station: Option<String>,
+    /// The line in whose queue it is now, or was sent to.
     pub line: String,
-    /// False if it stays, because its station is alive.
-    pub is_moved: bool,
+    /// What became of it.
+    pub outcome: TakeOver,
+    /// Whether any station takes jobs for the line that it is for now.
+    pub is_served: bool,
 }
 
-/// Puts jobs that a station has taken back into a queue: the job with this identity or its first 8 digits at least, or all of a
-/// station. Those of a station that is alive stay, unless it is forced.
+/// What became of a job that [`take_over`] found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum TakeOver {
+    /// It is in the queue.
+    Moved,
+    /// It waits in its queue, and no other line was given.
+    Waits,
+    /// It stays with its station, which is alive.
+    StationAlive,
+    /// It has a list and stays, because the line is a group.
+    ListForGroup,
+}
+
+/// Puts jobs into a queue: the job with this identity or its first 8 digits at least, or all that a station has taken. Those of a
+/// station that is alive stay, unless it is forced. A job that nobody has taken goes to the given line.
 ///
 /// # Errors
 /// When the database cannot be used, or the login may not do that.
@@ -413,14 +429,25 @@ pub fn take_over(
         migrations::check(&session).await?;
         let rows = session
             .rows(
-                "SELECT id, name, station, line, is_moved FROM isomark.take_over($1, $2, $3)",
+                "SELECT id, name, station, line, outcome, is_served FROM isomark.take_over($1, $2, $3)",
                 &[(&target, Type::TEXT), (&line, Type::TEXT), (&is_forced, Type::BOOL)],
             )
             .await?;
-        let moved = |row: &Row| -> Result<TakenOver, tokio_postgres::Error> {
-            let (id, name, station) = (row.try_get(0)?, row.try_get(1)?, row.try_get(2)?);
-            Ok(TakenOver { id, name, station, line: row.try_get(3)?, is_moved: row.try_get(4)? })
+        let found = |row: &Row| -> Result<TakenOver, tokio_postgres::Error> {
+            Ok(TakenOver {
+                id: row.try_get(0)?,
+                name: row.try_get(1)?,
+                station: row.try_get(2)?,
+                line: row.try_get(3)?,
+                outcome: match row.try_get(4)? {
+                    "moved" => TakeOver::Moved,
+                    "waits" => TakeOver::Waits,
+                    "list" => TakeOver::ListForGroup,
+                    _ => TakeOver::StationAlive,
+                },
+                is_served: row.try_get(5)?,
+            })
         };
-        Ok(rows.iter().map(moved).collect::<Result<_, _>>()?)
+        Ok(rows.iter().map(found).collect::<Result<_, _>>()?)
     })
 }

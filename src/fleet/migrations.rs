@@ -17,6 +17,7 @@ const MIGRATIONS: &[(&str, &str)] = &[
     ("jobs", include_str!("migrations/0004_jobs.sql")),
     ("workers", include_str!("migrations/0005_workers.sql")),
     ("removal", include_str!("migrations/0006_removal.sql")),
+    ("waiting jobs", include_str!("migrations/0007_waiting_jobs.sql")),
 ];
 const ROLES: &str = include_str!("roles.sql");
 /// The key of the advisory lock: "isomark" in ASCII.

@@ -442,7 +442,7 @@ impl Jobs<'_> {
     fn take_over(&self, database: &Connected, job: u64) -> Option<()> {
         let called = self.recorder.now();
         let rows = database.rows(
-            "SELECT is_moved FROM isomark.take_over($1, NULL, true)",
+            "SELECT outcome = 'moved' FROM isomark.take_over($1, NULL, true)",
             &[(&format!("{job:064x}"), Type::TEXT)],
         );
         let answer = rows.map(|rows| rows.first().is_some_and(|row| row.get(0)));

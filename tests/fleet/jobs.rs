@@ -122,6 +122,46 @@ fn a_rejected_job_ends_with_its_reason_and_a_list_is_divided_at_its_line() {
     waits_for_rows(&server, "SELECT outcome FROM isomark.job WHERE name LIKE '%list%'", "listed", &two);
 }
 
+/// Nothing can be marked twice then, so nobody needs to force it.
+#[test]
+fn a_job_in_the_queue_of_a_mistyped_line_is_given_to_another_one() {
+    let Some((server, desk)) = server_with_tables() else { return };
+    let two = started(station(&server, "laser2", ""));
+    two.drop_in("trough.obj", &trough(1.0));
+    two.waits_for("the part", |two| two.logged("is now the part of") == 1);
+    desk.write("trough@a.dxf", line(9.0));
+    let url = server.url("owner");
+    send(&desk, &[&url, "--to", "LASER2", "trough@a.dxf"]);
+    let id = server.sql("isomark", "SELECT id FROM isomark.job");
+    for digits in [8, 12, 64] {
+        retry(&desk, &[&url, "--take-over", &id[..digits]])
+            .refused(2, &["waits in its queue already", "--to LINE"]);
+    }
+    retry(&desk, &[&url, "--take-over", "laser2"]).refused(2, &["is called laser2"]);
+    retry(&desk, &[&url, "--take-over", &id[..8], "--to", " "]).refused(2, &["--to", "Give a name"]);
+    let output = retry(&desk, &[&url, "--take-over", &id[..8], "--to", "laser22"]);
+    assert!(output.code == 0 && output.err.contains("takes jobs for laser22 yet"), "{output:?}");
+    let output = retry(&desk, &[&url, "--take-over", &id[..8], "--to", "laser2"]);
+    assert!(output.code == 0 && output.out.contains("no station had taken it"), "{output:?}");
+    two.waits_for_file("import/trough@a.dxf");
+    waits_for_rows(&server, "SELECT outcome, station, attempt FROM isomark.job", "delivered|laser2|1", &two);
+}
+
+#[test]
+fn a_line_without_a_name_and_a_file_that_does_not_exist_are_refused_before_anything_is_sent() {
+    let Some((server, desk)) = server_with_tables() else { return };
+    desk.write("can@a.dxf", line(9.0));
+    let url = server.url("owner");
+    let long = "x".repeat(101);
+    for wrong in ["", "  ", "cups\n", "a\tb", &long] {
+        send(&desk, &[&url, "--to", wrong, "can@a.dxf"])
+            .refused(2, &["--to", "Give a name on one line, with at most 100 characters"]);
+    }
+    send(&desk, &[&url, "--to", "cups", "can@a.dxf", "nofile.dxf"])
+        .refused(3, &["There is no file nofile.dxf."]);
+    assert_eq!(server.sql("isomark", "SELECT count(*) FROM isomark.job"), "0");
+}
+
 #[test]
 fn a_drop_for_another_line_waits_while_the_database_is_away_and_reports_it_once() {
     let Some((server, _desk)) = server_with_tables() else { return };
