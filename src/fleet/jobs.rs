@@ -17,6 +17,7 @@ use crate::hotfolder::line::{
     Answer, Arriving, Claim, Inputs, JobNews, LineJob, Offered, Origin, check_name,
 };
 use crate::printable::on_one_line;
+use crate::reason::Reason;
 
 /// The slowest network over which inputs are sent, bytes in a second.
 const SLOWEST: usize = 50_000;
@@ -40,11 +41,17 @@ pub(super) async fn serve(session: &Session, settings: &FleetSettings) -> Result
 }
 
 /// Puts a job into the queue of its line, once; `station` is the sender, or the login is.
+///
+/// # Errors
+/// When the database cannot be used, or the line may not have the job.
 pub(super) async fn offer(
     session: &Session,
     station: Option<&str>,
     job: &LineJob,
 ) -> Result<(bool, Offered), FleetError> {
+    if job.inputs.list.is_some() {
+        must_be_one_station(session, &job.line).await?;
+    }
     let Inputs { drawing, settings, list } = &job.inputs;
     let hash = job.inputs.hash();
     let patience = Duration::from_secs((job.inputs.bytes() / SLOWEST) as u64);
@@ -67,6 +74,16 @@ pub(super) async fn offer(
     let row = rows.first().ok_or_else(|| FleetError::Answer("no answer to an offer".into()))?;
     let kept: &str = row.try_get(1)?;
     Ok((row.try_get(0)?, Offered::Kept { is_same: kept == hash, is_served: row.try_get(2)? }))
+}
+
+/// Refuses a line for a list if another station than the one of that name takes from it: each station counts its own serial numbers,
+/// and two of them would give the same ones.
+async fn must_be_one_station(session: &Session, line: &str) -> Result<(), FleetError> {
+    let statement = "SELECT EXISTS (SELECT FROM isomark.line WHERE line = $1 AND station <> $1)";
+    match session.row(statement, &[(&line, Type::TEXT)]).await?.try_get(0)? {
+        true => Err(FleetError::ListForGroup { line: line.into() }),
+        false => Ok(()),
+    }
 }
 
 /// Does what is to do with jobs at the moment; takes at most one. Whether there may be more.
@@ -162,7 +179,8 @@ async fn take(
         .rows_within(
             FETCH,
             "SELECT id, attempt, left(name, 300), left(sender, 300), left(inputs_blake3, 100), \
-             CASE WHEN is_small THEN drawing END, CASE WHEN is_small THEN settings END, CASE WHEN is_small THEN list END \
+             CASE WHEN is_small THEN drawing END, CASE WHEN is_small THEN settings END, CASE WHEN is_small THEN list END, \
+             left(line, 300) \
              FROM isomark.next_job($1, $2) CROSS JOIN LATERAL (SELECT octet_length(drawing)::int8 + \
              coalesce(octet_length(settings), 0) + coalesce(octet_length(list), 0) <= $3 AS is_small) AS size",
             &[(&settings.name, Type::TEXT), (&busy, Type::TEXT_ARRAY), (&limit, Type::INT8)],
@@ -174,7 +192,7 @@ async fn take(
         return Ok(false);
     };
     let claim: Claim = (row.try_get(0)?, row.try_get(1)?);
-    match arriving(row, &claim)? {
+    match arriving(row, &claim, &settings.name)? {
         Ok(job) => {
             let (name, sender) = (on_one_line(&job.name), on_one_line(&job.sender));
             let answered = timeout(NOTING, desk.ask(job)).await;
@@ -217,12 +235,13 @@ async fn mark_taken(session: &Session, settings: &FleetSettings, claim: &Claim) 
     Ok(row.try_get(0)?)
 }
 
-/// The job of a row, or why it is refused: the row comes from another computer.
-fn arriving(row: &Row, claim: &Claim) -> Result<Result<Arriving, String>, FleetError> {
+/// The job of a row for this station, or why it is refused: the row comes from another computer.
+fn arriving(row: &Row, claim: &Claim, station: &str) -> Result<Result<Arriving, String>, FleetError> {
     let text = |column: usize| row.try_get::<_, Option<&str>>(column).map(Option::unwrap_or_default);
     let (name, sender, hash) = (text(2)?.to_owned(), text(3)?.to_owned(), text(4)?);
     let (drawing, settings, list): (Option<Vec<u8>>, _, _) =
         (row.try_get(5)?, row.try_get(6)?, row.try_get(7)?);
+    let line: &str = row.try_get(8)?;
     let is_hash =
         |text: &str| text.len() == 64 && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
     if !is_hash(&claim.0) || claim.1 < 1 {
@@ -237,6 +256,11 @@ fn arriving(row: &Row, claim: &Claim) -> Result<Result<Arriving, String>, FleetE
     let inputs = Inputs { drawing, settings, list };
     if inputs.hash() != hash {
         return Ok(Err("its content does not match its hash".into()));
+    }
+    // The line may be a group only since it was sent.
+    if inputs.list.is_some() && line != station {
+        let Reason { what, remedy, .. } = FleetError::ListForGroup { line: line.into() }.reason();
+        return Ok(Err(format!("{what} {remedy}")));
     }
     Ok(Ok(Arriving { id: claim.0.clone(), attempt: claim.1, name, sender, inputs }))
 }
@@ -356,7 +380,8 @@ pub struct Sent {
 /// Sends drawings to a line, each once; `station` is the sender, or the login is.
 ///
 /// # Errors
-/// When the database cannot be used, or the login may not send jobs. The drawings before the error are sent.
+/// When the database cannot be used, the login may not send jobs, or a drawing has a list and the line is a group; then nothing is
+/// sent. The drawings before any other error are sent.
 pub fn send(
     address: &Address,
     station: Option<&str>,
@@ -368,6 +393,9 @@ pub fn send(
     run(needed, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
+        if drawings.iter().any(|drawing| drawing.inputs.list.is_some()) {
+            must_be_one_station(&session, line).await?;
+        }
         let login = session.row("SELECT session_user::text", &[]).await?;
         let login: String = login.try_get(0)?;
         for Sending { name, at, inputs } in drawings {

@@ -122,6 +122,49 @@ fn a_rejected_job_ends_with_its_reason_and_a_list_is_divided_at_its_line() {
     waits_for_rows(&server, "SELECT outcome FROM isomark.job WHERE name LIKE '%list%'", "listed", &two);
 }
 
+/// Each station counts its own serial numbers, so two of a group would give the same ones.
+#[test]
+fn a_list_goes_to_one_station_and_never_to_a_group() {
+    let Some((server, desk)) = server_with_tables() else { return };
+    let takers = ["laser2", "laser3"].map(|name| started(station(&server, name, IN_CUPS)));
+    takers[0].drop_in("trough.obj", &trough(1.0));
+    for name in ["s1", "s2"] {
+        desk.write(&format!("trough@{name}.dxf"), line(9.0));
+        desk.write(&format!("trough@{name}.csv"), "NAME\nAnna\nBert\n");
+    }
+    desk.write("trough@plain.dxf", line(8.0));
+    let url = server.url("owner");
+    send(&desk, &[&url, "--to", "cups", "trough@plain.dxf", "trough@s1.dxf", "trough@s2.dxf"])
+        .refused(2, &["\"cups\"", "is a group of stations", "to one station"]);
+    let count = "SELECT count(*) FROM isomark.job";
+    assert_eq!(server.sql("isomark", count), "0");
+    // A rule of a station is no way round it.
+    let one = started(station(&server, "laser1", TO_CUPS));
+    fs::write(one.path("hot/trough@s3.csv"), "NAME\nAnna\n").unwrap();
+    one.drop_in("trough@s3.dxf", &line(9.0));
+    one.waits_for_file("rejected/trough@s3.dxf");
+    let reason = fs::read_to_string(one.path("rejected/trough@s3.dxf.reason.json")).unwrap();
+    assert!(reason.contains("list-for-group"), "{reason}");
+    assert_eq!(server.sql("isomark", count), "0");
+    // Nobody knows yet that this line is a group.
+    let output = send(&desk, &[&url, "--to", "mugs", "trough@s1.dxf"]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    let four = started(station(&server, "laser4", "lines = [\"mugs\"]\n"));
+    let ended = "SELECT outcome, reason LIKE '%group of stations%' FROM isomark.job WHERE line = 'mugs'";
+    waits_for_rows(&server, ended, "rejected|t", &four);
+    // A waiting list is not given to a group, either.
+    send(&desk, &[&url, "--to", "laser9", "trough@s2.dxf"]);
+    let id = server.sql("isomark", "SELECT id FROM isomark.job WHERE line = 'laser9'");
+    retry(&desk, &[&url, "--take-over", &id[..8], "--to", "cups"]).refused(2, &["is a group of stations"]);
+    let output = retry(&desk, &[&url, "--take-over", &id[..8], "--to", "laser2"]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    takers[0].waits_for_file("import/trough@s2-000002.dxf");
+    assert_eq!(files(&takers[0], "import"), ["trough@s2-000001.dxf", "trough@s2-000002.dxf"]);
+    for station in [&takers[1], &one, &four] {
+        assert_eq!(files(station, "import"), Vec::<String>::new());
+    }
+}
+
 /// Nothing can be marked twice then, so nobody needs to force it.
 #[test]
 fn a_job_in_the_queue_of_a_mistyped_line_is_given_to_another_one() {
