@@ -47,7 +47,7 @@ enum Verb {
         /// Removes fits that no station used for this number of days, unless they are of the current part of a SKU.
         #[arg(long, value_name = "DAYS", group = "which", allow_hyphen_values = true, value_parser = parse_amount)]
         unused_days: Option<f64>,
-        /// Removes the fits that were used longest ago until all together have this size.
+        /// Removes the fits that were used longest ago until all together have this size, unless they are of the current part of a SKU.
         #[arg(long, value_name = "GB", group = "which", allow_hyphen_values = true, value_parser = parse_amount)]
         max_gb: Option<f64>,
         /// Removes the fit with this key.
@@ -104,6 +104,9 @@ pub(super) fn run(arguments: &FleetArguments) -> Outcome {
             }
             if unused_days.is_some() || max_bytes.is_some() || fit.is_some() {
                 tell(&format!("{} removed; {} left", count_of(pruned.fits, "fit"), shown_fits(pruned.left)));
+                if max_bytes.is_some_and(|most| pruned.left.bytes > most) {
+                    tell("the fits that are left are of current parts, which stay");
+                }
             }
             Ok(())
         }

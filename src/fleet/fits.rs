@@ -92,6 +92,16 @@ pub(super) async fn note_use(session: &Session, key: &CacheKey) -> Result<(), Fl
     session.rows(statement, &[(&key.as_str(), Type::TEXT)]).await.map(drop)
 }
 
+/// Which of these keys the fleet has no fit for.
+pub(super) async fn absent(session: &Session, keys: &[&str]) -> Result<Vec<String>, FleetError> {
+    if keys.is_empty() {
+        return Ok(Vec::new());
+    }
+    let statement = "SELECT key FROM unnest($1) AS given (key) WHERE NOT EXISTS (SELECT FROM isomark.fit AS f WHERE f.key = given.key)";
+    let rows = session.rows(statement, &[(&keys, Type::TEXT_ARRAY)]).await?;
+    Ok(rows.iter().map(|row| row.try_get(0)).collect::<Result<_, _>>()?)
+}
+
 /// Sends a fit of the cache; one that is there stays as it is. Does nothing if the cache has lost it.
 pub(super) async fn send(
     session: &Session,

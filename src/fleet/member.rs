@@ -59,6 +59,8 @@ const SLOW: Duration = Duration::from_millis(250);
 const OFFER: Duration = Duration::from_secs(2);
 /// Fits that the fleet did not have and that are wished for; more are not remembered.
 const WISHES: usize = 10_000;
+/// What asks the stations for a surface that the fleet does not have: its key, the hash of its part, and the SKU.
+const WANTED: &str = "wanted";
 /// The channel of the database on which changes are announced.
 const LISTEN: &str = "LISTEN isomark";
 
@@ -342,6 +344,10 @@ impl Member {
                     None => Ok(()),
                 }
             }
+            Some((WANTED, what)) => {
+                self.share_what_is_wanted(what);
+                Ok(())
+            }
             Some(("request", key)) => match self.asking.own(key) {
                 Some(key) => self.ask_now(session, &key, Step::Look).await,
                 None => Ok(()),
@@ -425,6 +431,10 @@ impl Member {
         let is_kept = fetched == Fetched::Kept;
         if is_kept {
             fits::note_use(session, key).await?;
+        } else if fetched == Fetched::Absent && answer.is_none() {
+            // Its drawings wait. Another station may have it.
+            let text = format!("{WANTED} {} {} {}", key.as_str(), part.blake3, sku.key());
+            session.rows("SELECT pg_notify('isomark', $1)", &[(&text, Type::TEXT)]).await?;
         }
         Ok(is_kept)
     }

@@ -19,7 +19,7 @@ const JOBS: i64 = 5_000;
 pub struct Prune {
     /// Fits that were not used for this number of days, unless they are of a current part. Stations make fits again.
     pub unused_days: Option<f64>,
-    /// The fits that were used longest ago, until all together have this size, bytes.
+    /// The fits that were used longest ago and are not of a current part, until all together have this size, bytes.
     pub max_bytes: Option<i64>,
     /// The fit with this key.
     pub key: Option<String>,
@@ -46,14 +46,20 @@ pub struct Pruned {
 /// Removes what is given.
 ///
 /// # Errors
-/// When the database cannot be used, the login may not remove that, or the station is unknown, alive or has jobs that have not
-/// ended.
+/// When the database cannot be used, the login may not remove that, the fit is unknown, or the station is unknown, alive or has jobs
+/// that have not ended.
 pub fn prune(address: &Address, prune: &Prune) -> Result<Pruned, FleetError> {
     run(Needed::Office, async {
         let session = Session::open::<()>(address, None).await?;
         migrations::check(&session).await?;
         if let Some(station) = &prune.station {
             forget_station(&session, station).await?;
+        }
+        if let Some(key) = &prune.key {
+            let statement = "SELECT EXISTS (SELECT FROM isomark.fit WHERE key = $1)";
+            if !session.row(statement, &[(key, Type::TEXT)]).await?.try_get(0)? {
+                return Err(FleetError::UnknownFit { key: key.clone() });
+            }
         }
         let mut fits = 0;
         if prune.unused_days.is_some() || prune.max_bytes.is_some() || prune.key.is_some() {
@@ -77,11 +83,13 @@ fn limited(days: f64) -> f64 {
 }
 
 async fn remove_fits(session: &Session, prune: &Prune) -> Result<i64, FleetError> {
-    let statement = "WITH listed AS (SELECT key, part, used, \
-         sum(bytes) OVER (ORDER BY used DESC, key) AS newer_bytes FROM isomark.fit), \
-         chosen AS (SELECT key FROM listed WHERE key = $3 OR newer_bytes > $2 \
-         OR (used <= now() - make_interval(secs => $1 * 86400) AND NOT EXISTS \
-         (SELECT FROM isomark.current_part AS c WHERE c.blake3 = listed.part)) ORDER BY used, key LIMIT $4), \
+    // Fits of current parts are the last to be removed, and stay: a station that does not have one needs it for its drawings.
+    let statement = "WITH of_parts AS (SELECT key, used, bytes, EXISTS \
+         (SELECT FROM isomark.current_part AS c WHERE c.blake3 = f.part) AS is_current FROM isomark.fit AS f), \
+         listed AS (SELECT key, used, is_current, sum(bytes) OVER (ORDER BY is_current DESC, used DESC, key) AS newer_bytes \
+         FROM of_parts), \
+         chosen AS (SELECT key FROM listed WHERE key = $3 OR (NOT is_current AND (newer_bytes > $2 \
+         OR used <= now() - make_interval(secs => $1 * 86400))) ORDER BY used, key LIMIT $4), \
          removed AS (DELETE FROM isomark.fit WHERE key IN (SELECT key FROM chosen) RETURNING 1) \
          SELECT count(*) FROM removed";
     let days = prune.unused_days.map(limited);

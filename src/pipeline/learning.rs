@@ -85,6 +85,10 @@ impl Pipeline {
             clock.lap("load surface");
             self.complete_mesh(sku, part, format, &key, &kept.facts, settings);
             self.check_frame(sku, &key, &kept, settings).map_err(rejected)?;
+            // The others may have lost it.
+            if let Some(others) = &self.shared.0 {
+                others.offer(sku, &key, &current.origin);
+            }
             self.make_current(sku, &current, is_new)?;
             let kept = CachedSurface { origin: current.origin, ..kept };
             let settings = settings.for_part_with(kept.facts.marking_frame());

@@ -2368,7 +2368,8 @@ const CODES: &[Code] = &[
     reason([
         "waits-for-part",
         "The drop waits for a part.",
-        "A drawing needs the fitted surface of its SKU, and no part of that SKU is known or complete yet. A file \
+        "A drawing needs the fitted surface of its SKU, and no part of that SKU is known or complete yet; or the fleet knows the part, \
+         and its surface has not arrived at this station. A file \
          that belongs to a part, such as a texture or a `.bin`, waits for the part that names it.",
         "Drop the part under the SKU's name. Remove the waiting file if nothing needs it.",
     ]),

@@ -119,6 +119,52 @@ fn wrong_fits_are_reported_and_made_here() {
     assert!(pruned.code == 0 && pruned.err.contains("1 fit removed; 3 fits"), "{pruned:?}");
 }
 
+/// The office removes the surface of a current part, which a station needs that never had it.
+#[test]
+fn a_removed_surface_of_a_current_part_comes_back_from_a_station_that_has_it() {
+    let Some((server, desk)) = server_with_tables() else { return };
+    let station = |name: &str| {
+        server.login(name, "station");
+        let station = Station::of(name, &server.url(name));
+        station.waits_for_fleet(1);
+        station
+    };
+    let url = server.url("owner");
+    let fits = || server.sql("isomark", "SELECT count(*) FROM isomark.fit");
+    let prune = || {
+        let key = server.sql("isomark", "SELECT key FROM isomark.fit");
+        let pruned = fleet(&desk, &["prune", &url, "--fit", &key]);
+        assert!(pruned.code == 0 && pruned.err.contains("1 fit removed; 0 fits"), "{pruned:?}");
+    };
+    let mut one = station("laser1");
+    one.drop_in("trough.obj", &trough(1.0));
+    waits_for("the fit", || fits() == "1", || one.log());
+    prune();
+    // Another station asks for it.
+    let two = station("laser2");
+    two.drop_in("trough.dxf", &line(9.0));
+    two.waits_for_file("import/trough.dxf");
+    assert_eq!(two.logged("is now the part of"), 0, "{}", two.log());
+    // The part is dropped again.
+    prune();
+    one.drop_in("trough.obj", &trough(1.0));
+    waits_for("the fit again", || fits() == "1", || one.log());
+    // Stations that have it start again; until then, the reason states what is missing.
+    drop(two);
+    one.kill();
+    prune();
+    let three = station("laser3");
+    three.drop_in("trough.dxf", &line(9.0));
+    three.waits_for("the reason", |three| {
+        let waiting = three.status()["waiting"].to_string();
+        waiting.contains("waits-for-part") && waiting.contains("its surface has not arrived here")
+    });
+    one.start();
+    three.waits_for_file("import/trough.dxf");
+    assert_eq!(fits(), "1");
+    assert_eq!(three.logged("is now the part of"), 0, "{}", three.log());
+}
+
 fn hash_of_bytes(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
@@ -259,8 +305,15 @@ fn old_fits_and_too_many_fits_are_removed() {
     };
     // The even ones from 500 on; the odd ones are of the current part.
     prune(&["--unused-days", "499.5"], "251 fits removed; 749 fits, 0.7 MB left");
-    prune(&["--max-gb", "0.0001"], "649 fits removed; 100 fits, 0.1 MB left");
-    let newest = "SELECT max(now() - used) < interval '101 days' FROM isomark.fit";
-    assert_eq!(server.sql("isomark", newest), "t");
+    prune(&["--max-gb", "0.0006"], "149 fits removed; 600 fits, 0.6 MB left");
+    let newest =
+        format!("SELECT max(now() - used) < interval '201 days' FROM isomark.fit WHERE part = '{old}'");
+    assert_eq!(server.sql("isomark", &newest), "t");
+    // Those of the current part stay.
+    prune(&["--max-gb", "0.0001"], "100 fits removed; 500 fits, 0.5 MB left");
+    prune(&["--max-gb", "0.0001"], "are of current parts, which stay");
+    for unknown in ["xyz", &"0".repeat(32)] {
+        fleet(&desk, &["prune", &url, "--fit", unknown]).refused(2, &["no fit with the key", unknown]);
+    }
     fleet(&desk, &["prune", &url]).refused(2, &["--unused-days"]);
 }

@@ -40,6 +40,7 @@ impl Member {
         let mut after = String::new();
         loop {
             let (parts, last) = fits::page_of_parts(session, &after).await?;
+            self.share_what_is_absent(session, &parts).await?;
             for theirs in parts {
                 unseen.remove(theirs.sku.key());
                 lost.extend(self.take_part_of_others(theirs));
@@ -155,6 +156,40 @@ impl Member {
     fn share_all(&self, cache: &Cache, sku: &Sku, part: &CurrentPart) {
         for key in cache.keys_of(sku, &part.origin.blake3).unwrap_or_default() {
             self.share(sku, &key, &part.origin);
+        }
+    }
+
+    /// Puts the surfaces of parts of the fleet into the outbox that this station has and the fleet does not: somebody removed them.
+    async fn share_what_is_absent(&self, session: &Session, parts: &[SharedPart]) -> Result<(), FleetError> {
+        let cache = self.cache();
+        let mut ours = Vec::new();
+        for SharedPart { sku, part, .. } in parts {
+            let keys = cache.keys_of(sku, &part.origin.blake3).unwrap_or_default();
+            ours.extend(keys.into_iter().map(|key| (sku, key, &part.origin)));
+        }
+        let keys: Vec<&str> = ours.iter().map(|(_, key, _)| key.as_str()).collect();
+        let absent = fits::absent(session, &keys).await?;
+        for (sku, key, part) in
+            ours.iter().filter(|(_, key, _)| absent.iter().any(|of_it| of_it == key.as_str()))
+        {
+            self.share(sku, key, part);
+        }
+        Ok(())
+    }
+
+    /// Puts the surface that another station needs into the outbox, if this station has it. The text may come from any login.
+    pub(super) fn share_what_is_wanted(&self, text: &str) {
+        let mut words = text.splitn(3, ' ');
+        let (Some(key), Some(blake3), Some(sku)) = (words.next(), words.next(), words.next()) else { return };
+        let Some(sku) = sku.parse::<Sku>().ok().filter(|parsed| parsed.key() == sku) else { return };
+        let cache = self.cache();
+        let Ok(Some(part)) = cache.current(&sku) else { return };
+        if part.origin.blake3 != blake3 {
+            return;
+        }
+        let keys = cache.keys_of(&sku, blake3).unwrap_or_default();
+        if let Some(key) = keys.iter().find(|of_it| of_it.as_str() == key) {
+            self.share(&sku, key, &part.origin);
         }
     }
 

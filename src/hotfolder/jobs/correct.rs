@@ -118,6 +118,9 @@ impl<C: Corrector> Executor<'_, C> {
             return Err(EarlyEnd::Outcome(Outcome::PartRefused(reason)));
         }
         if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
+            if self.corrector.fleet().is_some() && self.identity(sku, &task.settings)?.is_some() {
+                return Err(EarlyEnd::Outcome(Outcome::NoSurface(waits_for_surface(sku))));
+            }
             let what = format!("The drawing waits for a part: the SKU `{sku}` has no surface yet.");
             let mut remedy = format!("Drop the part as {sku}{}.", MeshFormat::ENDINGS);
             let known: Vec<String> = filing::known_skus(&task.station.folders).into_iter().collect();
@@ -417,6 +420,19 @@ impl Correction<'_> {
             asked: false,
         }
     }
+}
+
+/// Why a drawing waits whose part another station has fitted.
+fn waits_for_surface(sku: &Sku) -> Reason {
+    let what = format!(
+        "The drawing waits for a surface: the fleet knows the part of SKU `{sku}`, but its surface has not arrived here."
+    );
+    let remedy = format!(
+        "Wait: a station that has the surface sends it while it is connected. If none has it for the settings of this station, drop the \
+         part here, as {sku}{}.",
+        MeshFormat::ENDINGS
+    );
+    Reason::new("waits-for-part", what, remedy)
 }
 
 /// The known SKUs whose names are nearest to that of an unknown one, as a sentence.
