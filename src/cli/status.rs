@@ -33,6 +33,7 @@ pub(super) struct StatusArguments {
 }
 
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("forced").args(["take_over", "drops"]))]
 pub(super) struct RetryArguments {
     /// The station's settings.
     station: PathBuf,
@@ -57,8 +58,9 @@ pub(super) struct RetryArguments {
     /// With `--take-over`: into the queue of this line.
     #[arg(long, value_name = "LINE", requires = "take_over", value_parser = parse_line)]
     to: Option<String>,
-    /// With `--take-over`: also if the station gave a sign of life in the last 45 s.
-    #[arg(long, requires = "take_over")]
+    /// With `--take-over`: also if the station gave a sign of life in the last 45 s. With a rejected drop: also if its job was given to
+    /// another station, which may have marked it.
+    #[arg(long, requires = "forced")]
     force: bool,
     /// With `--take-over`: reads the password for the database from the first line of this file.
     #[arg(long, value_name = "FILE", requires = "take_over")]
@@ -159,8 +161,8 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
     }
     if arguments.rejected || !drops.is_empty() {
         let wanted = (!arguments.rejected).then_some(drops.as_slice());
-        let (returned, mut trouble) =
-            return_rejected(&folders, wanted).map_err(|error| Failure::environment(&error))?;
+        let (returned, mut trouble) = return_rejected(&folders, wanted, arguments.force)
+            .map_err(|error| Failure::environment(&error))?;
         if returned.is_empty() && trouble.is_empty() {
             print("no drop is rejected\n");
         }

@@ -130,14 +130,16 @@ async fn report_ends(session: &Session, settings: &FleetSettings, desk: &Desk) -
     for ended in desk.unreported() {
         let reason = ended.reason.as_deref().map(shortened);
         let noted = end(session, &settings.name, &ended.claim, ended.outcome, reason.as_deref()).await?;
-        if !noted {
-            tracing::warn!(
-                "job {} was {} here in its attempt {}, but it had already been handed to another attempt; it may be marked twice. Check \
-                 with `isomark fleet status`",
-                short(&ended.claim.0),
-                ended.outcome,
-                ended.claim.1
-            );
+        let (job, outcome, attempt) = (short(&ended.claim.0), ended.outcome, ended.claim.1);
+        match noted {
+            true => {}
+            false if ended.may_be_marked() => tracing::warn!(
+                "job {job} was {outcome} here in its attempt {attempt}, but it had already been handed to another attempt; it may be \
+                 marked twice. Check with `isomark fleet status`"
+            ),
+            false => tracing::info!(
+                "job {job} was {outcome} here in its attempt {attempt}, and was not marked here; another attempt has it"
+            ),
         }
         desk.is_reported(&ended.claim);
     }

@@ -8,6 +8,9 @@ use super::seen::names::{Meaning, is_ignored, meaning};
 use crate::files::is_plain;
 use crate::reason::Reason;
 
+/// The code of the reason why a job of the fleet is not done here: another station has it, and may have marked it.
+pub(crate) const TAKEN_OVER: &str = "job-taken-over";
+
 /// A drawing with what belongs to it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Inputs {
@@ -173,6 +176,14 @@ pub struct Ended {
     pub outcome: &'static str,
     /// Why, if it was not delivered.
     pub reason: Option<String>,
+}
+
+impl Ended {
+    /// Whether the drawing, or drawings of its rows, may be marked here.
+    #[must_use]
+    pub fn may_be_marked(&self) -> bool {
+        !matches!(self.outcome, "rejected" | "removed")
+    }
 }
 
 /// What the journal of the station has about jobs of others.

@@ -910,7 +910,8 @@ const CODES: &[Code] = &[
         "job-taken-over",
         "A job from the fleet was taken away from this station.",
         "The station had taken the job and was silent. A person put it back into the queue of its line with `isomark retry --take-over`, so this station no longer does it.",
-        "No action is needed if the drawing is marked elsewhere; `isomark fleet status` shows where the job is.",
+        "No action is needed if the drawing is marked elsewhere; `isomark fleet status` shows where the job is. If no other station marks \
+         it, `isomark retry station.toml NAME --force` puts it back into the hot folder.",
     ]),
     reason([
         "job-too-large",
@@ -1056,6 +1057,13 @@ const CODES: &[Code] = &[
          part with fine roughness has no smooth map that keeps angles better.",
         "Check the values of the report. If another value matters more, choose another `aim` under [correction]; \
          `isomark evaluate` compares them.",
+    ]),
+    reason([
+        "marked-elsewhere",
+        "The rejected file was not put back because another station may have marked it.",
+        "The drawing was a job from the fleet that was given to another station (`job-taken-over`). Put back into the hot folder here, it \
+         would be marked a second time.",
+        "See `isomark fleet status` for where the job is. If no other station marks it, run `isomark retry station.toml NAME --force`.",
     ]),
     notice([
         "marked-twice",

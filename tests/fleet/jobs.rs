@@ -510,6 +510,21 @@ fn a_station_that_comes_back_does_not_do_what_was_taken_over() {
     assert_eq!(files(&two, "import"), Vec::<String>::new());
     let ended = "SELECT outcome, station, attempt FROM isomark.job";
     waits_for_rows(&server, ended, "delivered|laser3|2", &two);
+    // Nothing leads to a second mark without being asked for.
+    two.waits_for("the end in the log", |two| two.logged("was not marked here") == 1);
+    assert_eq!(two.logged("marked twice"), 0, "{}", two.log());
+    let text = fs::read_to_string(two.path("rejected/trough@a.dxf.reason.txt")).unwrap();
+    assert!(!text.contains("try again") && !text.contains("drop it again"), "{text}");
+    for all in [&["trough@a.dxf"][..], &["--rejected"]] {
+        two.desk
+            .isomark(&[&["retry", "station.toml"], all].concat())
+            .refused(3, &["another station", "--force"]);
+        assert!(two.path("rejected/trough@a.dxf").exists() && files(&two, "hot").is_empty());
+    }
+    two.desk.isomark(&["retry", "station.toml", "--force"]).refused(2, &["--force"]);
+    let output = two.desk.isomark(&["retry", "station.toml", "trough@a.dxf", "--force"]);
+    assert_eq!(output.code, 0, "{}", output.err);
+    two.waits_for_file("import/trough@a.dxf");
 }
 
 /// Nobody took it over while the database was away.

@@ -26,6 +26,7 @@ use crate::files::{
     read_if_there, sync_folder, write_all_or_not, write_new, write_whole, write_whole_or_not,
 };
 use crate::formats::pattern::{is_drawing, names_with_stem};
+use crate::hotfolder::line::TAKEN_OVER;
 use crate::hotfolder::seen::folders::{content_hash, copy_new, free_place, has_content, look, move_new};
 use crate::hotfolder::seen::names::{CURRENT_PART, SIDECAR};
 use crate::hotfolder::seen::{Filed, Found, Parking, Stamp, is_sidecar};
@@ -292,11 +293,13 @@ fn reason_text(
             format!("Its settings, {}, are beside this file.\n", on_one_line(&name.to_string_lossy()))
         })
         .collect();
-    format!(
-        "{drop} was rejected.\n\n{}\n\n{settings}To try again: {}\n",
-        reason.to_text(),
-        next_step(station, drop, original, reason)
-    )
+    let again = match reason.code.as_str() {
+        // It may be marked at another station.
+        TAKEN_OVER => String::new(),
+        _ => format!("To try again: {}\n", next_step(station, drop, original, reason)),
+    };
+    let text = format!("{drop} was rejected.\n\n{}\n\n{settings}{again}", reason.to_text());
+    text.trim_end().to_owned() + "\n"
 }
 
 /// What to do after a rejection, as a sentence or two.

@@ -12,6 +12,7 @@ use super::filing;
 use super::filing::REPORT;
 use crate::config::{FolderPaths, fold};
 use crate::files::make_folder;
+use crate::hotfolder::line::TAKEN_OVER;
 use crate::hotfolder::seen::folders::move_new;
 use crate::hotfolder::seen::{Meaning, is_list, meaning};
 use crate::hotfolder::state::{JournalPositions, with_slashes};
@@ -28,16 +29,20 @@ pub const AS_ITS_USER: &str =
 #[derive(Deserialize)]
 struct RejectedDrop {
     drop: String,
+    #[serde(default)]
+    code: String,
 }
 
 /// Moves rejected drops back into the hot folder, with their companions, and removes their reasons: the drops in
-/// `wanted`, by their names in the hot folder, or all. Returns the drops that were moved, and why others were not.
+/// `wanted`, by their names in the hot folder, or all. Drops whose job another station may have marked stay, unless it is forced.
+/// Returns the drops that were moved, and why others were not.
 ///
 /// # Errors
 /// When the rejected folder cannot be read.
 pub fn return_rejected(
     folders: &FolderPaths,
     wanted: Option<&[String]>,
+    is_forced: bool,
 ) -> std::io::Result<(Vec<String>, Vec<Reason>)> {
     let mut reasons = Vec::new();
     collect(&folders.rejected, 0, &mut reasons)?;
@@ -46,19 +51,23 @@ pub fn return_rejected(
     let (mut newest, mut others) = (BTreeMap::new(), BTreeSet::new());
     for reason in reasons {
         let Ok(text) = fs::read(&reason) else { continue };
-        let Ok(RejectedDrop { drop }) = serde_json::from_slice(&text) else { continue };
+        let Ok(RejectedDrop { drop, code }) = serde_json::from_slice(&text) else { continue };
         if wanted.is_some_and(|wanted| !wanted.iter().any(|name| names(name, &drop))) {
             others.insert(drop);
             continue;
         }
         let line = reason.with_file_name(Path::new(&drop).file_name().unwrap_or_default());
         let line = order.rejected(&with_slashes(line.strip_prefix(&folders.rejected).unwrap_or(&line)));
-        let this = (line, written(&reason), place_number(&reason), reason);
+        let this = (line, written(&reason), place_number(&reason), reason, code);
         let last = newest.entry(drop).or_insert_with(|| this.clone());
         *last = this.max(std::mem::take(last));
     }
     let (mut returned, mut trouble) = (Vec::new(), Vec::new());
-    for (drop, (line, rejected_at, _, reason)) in newest {
+    for (drop, (line, rejected_at, _, reason, code)) in newest {
+        if code == TAKEN_OVER && !is_forced {
+            trouble.push(elsewhere(&drop));
+            continue;
+        }
         if done_since(folders, &order, &drop, line, rejected_at) {
             let what = format!(
                 "{drop} is not moved back: a newer drop of that name was processed after the rejection."
@@ -111,6 +120,16 @@ pub fn return_rejected(
         }
     }
     Ok((returned, trouble))
+}
+
+/// Why a drop is not moved back whose job was given to another station.
+fn elsewhere(drop: &str) -> Reason {
+    let what = format!(
+        "{} is not moved back: its job was given to another station, which may have marked it.",
+        on_one_line(drop)
+    );
+    let remedy = "See `isomark fleet status` for where the job is. If no other station marks it, name the drop and add `--force`.";
+    Reason::new("marked-elsewhere", what, remedy)
 }
 
 /// Whether a typed `name` is that of the drop: its real name, or the form that a terminal shows.
@@ -215,7 +234,7 @@ fn done_since(
 
 /// The path of the rejected drop that a reason's file describes; `None` if it describes none.
 pub(super) fn drop_of(reason: &Path) -> Option<PathBuf> {
-    let RejectedDrop { drop } = serde_json::from_slice(&fs::read(reason).ok()?).ok()?;
+    let RejectedDrop { drop, .. } = serde_json::from_slice(&fs::read(reason).ok()?).ok()?;
     Some(reason.with_file_name(Path::new(&drop).file_name()?))
 }
 

@@ -129,7 +129,7 @@ impl Action {
             }
             Self::Return(drop) => {
                 let (returned, mut trouble) =
-                    return_rejected(&seen.folders, Some(std::slice::from_ref(drop)))
+                    return_rejected(&seen.folders, Some(std::slice::from_ref(drop)), false)
                         .map_err(|error| environment(&error))?;
                 match trouble.pop() {
                     Some(reason) if returned.is_empty() => Err(reason),
