@@ -1770,6 +1770,15 @@ const CODES: &[Code] = &[
         "Rename one of the drawings. If the new one replaces the other, remove the result of the other from the import folder, \
          then drop the new one again.",
     ]),
+    reason([
+        "result-of-another-station",
+        "The result would replace a corrected drawing that this station has not delivered.",
+        "The import folder has a corrected drawing of this name. Neither the journal of this station nor its reports show that it \
+         delivered this file: another station uses the same import folder, or somebody changed or restored the file. With \
+         `comments = false` results cannot be recognised, and are replaced.",
+        "Give each station its own import folder, or rename the drawing. If the file is not needed, remove it from the import folder. Then \
+         drop the drawing again.",
+    ]),
     notice([
         "rotary-as-layers",
         "The tiles of a mark round the part are layers, because a station delivers one file for each drawing.",

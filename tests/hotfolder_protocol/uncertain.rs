@@ -116,13 +116,18 @@ fn an_uncertain_drawing_without_its_drop_is_listed() {
 #[test]
 fn an_older_drawing_that_is_still_in_import_is_replaced() {
     let mut line = delivered();
+    let older = line.text("import/can.dxf").unwrap();
+    // The newer original gets its place in the archive.
+    fs::remove_file(line.path("archive/can/can.dxf")).unwrap();
+    line.drop("can.dxf", "newer");
+    assert_eq!(line.once().delivered, 1);
     if !ends_before_the_rename(&line) {
         return;
     }
-    fs::write(line.path("import/can.dxf"), "older").unwrap();
+    fs::write(line.path("import/can.dxf"), older).unwrap();
     let tally = line.once();
     assert_eq!((tally.delivered, tally.uncertain), (1, 0));
-    assert_eq!(line.text("import/can.dxf").unwrap(), "pattern on part at 0");
+    assert_eq!(line.text("import/can.dxf").unwrap(), "newer on part at 0");
 }
 
 /// While the settings of its SKU are invalid, the drawing stays uncertain, and a station that runs once still ends.

@@ -378,6 +378,43 @@ fn a_file_that_somebody_put_into_the_import_folder_is_not_replaced() {
 }
 
 #[test]
+fn a_result_of_another_station_in_the_same_import_folder_is_not_replaced() {
+    let [one, two] = [(); 2].map(|()| {
+        let station = Station::new();
+        station.copy_into(&part("can/fc020-gui.glb"), "can.glb");
+        station
+    });
+    let import = one.path("import").display().to_string().replace('\\', "/");
+    two.desk.write("station.toml", SETTINGS.replace("\"import\"", &format!("\"{import}\"")));
+    one.copy_into(&drawing("abc"), "can@logo.dxf");
+    one.once();
+    let first = one.desk.read("import/can@logo.dxf");
+    two.copy_into(&drawing("square"), "can@logo.dxf");
+    let output = two.once();
+    assert_eq!(one.desk.read("import/can@logo.dxf"), first, "{output:?}");
+    let reason = two.desk.text("rejected/can@logo.dxf.reason.txt");
+    assert!(
+        reason.contains("this station has not delivered") && reason.contains("its own import folder"),
+        "{reason}"
+    );
+    // Also if the station delivered that name before, and the other one now.
+    fs::remove_file(one.path("import/can@logo.dxf")).unwrap();
+    two.desk.isomark(&["retry", "station.toml", "--rejected"]);
+    two.once();
+    let second = one.desk.read("import/can@logo.dxf");
+    assert_ne!(second, first);
+    one.copy_into(&drawing("circle"), "can@logo.dxf");
+    one.once();
+    assert_eq!(one.desk.read("import/can@logo.dxf"), second);
+    assert!(one.path("rejected/can@logo.dxf").exists());
+    // The one that delivered it replaces it, also with a new journal.
+    fs::remove_dir_all(two.path("state")).unwrap();
+    two.copy_into(&drawing("abc"), "can@logo.dxf");
+    let output = two.once();
+    assert_eq!(one.desk.read("import/can@logo.dxf"), first, "{output:?}");
+}
+
+#[test]
 fn deliveries_are_counted_although_the_status_was_not_written_any_more() {
     let station = Station::new();
     station.copy_into(&part("can/fc020-gui.glb"), "can.glb");

@@ -246,8 +246,9 @@ impl<C: Corrector> Executor<'_, C> {
 
     /// Rejects the drawing if what it would replace in the import folder is somebody else's.
     fn may_replace(&self, drawing: &Correction, previous: &[u8]) -> Result<(), JobError> {
-        if !self.corrector.is_corrected(previous) {
-            drawing.keeps_files_of_others(previous)?;
+        match self.corrector.is_corrected(previous) {
+            true => drawing.keeps_results_of_other_stations(previous)?,
+            false => drawing.keeps_files_of_others(previous)?,
         }
         drawing.keeps_results_of_others(previous)
     }
@@ -356,6 +357,35 @@ impl Correction<'_> {
             "Rename this drawing, and drop it again. If it is the new version of {older}, remove {name} from the import folder first."
         );
         Err(JobError::Rejected(Reason::new("result-of-another", what, remedy)))
+    }
+
+    /// Rejects the drawing if the corrected one in the import folder, `previous`, was not delivered by this station: its own station
+    /// knows it as delivered. Without a journal, the report and the archive show what this station has delivered.
+    fn keeps_results_of_other_stations(&self, previous: &[u8]) -> Result<(), JobError> {
+        let Ready { task, sku, pattern, name, .. } = self.ready;
+        let (folders, hash) = (&task.station.folders, delivery::hash_of(previous));
+        let is_in_journal = match &self.last {
+            // Nobody knows which of the two is there.
+            Some(last) => {
+                last.certainty == Certainty::Uncertain || [&*last.job.result, last.held()].contains(&&*hash)
+            }
+            None => folders.archive.join(sku.key()).join(pattern).exists(),
+        };
+        let is_known = hash == self.result.result
+            || is_in_journal
+            || filing::reported_result(folders, sku, pattern).is_some_and(|reported| reported == hash);
+        if is_known {
+            return Ok(());
+        }
+        let what = format!(
+            "The import folder has a corrected drawing {name} that this station has not delivered: it may be of another station, and \
+             would be lost."
+        );
+        let remedy = format!(
+            "Give each station its own import folder, or rename this drawing. If {name} is not needed, remove it from the import \
+             folder. Then drop the drawing again."
+        );
+        Err(JobError::Rejected(Reason::new("result-of-another-station", what, remedy)))
     }
 
     /// Logs the delivery, with warnings about anything unusual.

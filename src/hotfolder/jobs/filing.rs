@@ -125,6 +125,13 @@ pub(crate) fn current_part_note(folders: &FolderPaths, sku: &Sku) -> PathBuf {
     folders.archive.join(sku.key()).join(CURRENT_PART)
 }
 
+/// The hash of the result of a drawing, from the report of its newest delivery; `None` without one.
+pub(crate) fn reported_result(folders: &FolderPaths, sku: &Sku, pattern: &str) -> Option<String> {
+    let bytes = read_if_there(&report_path(folders, sku, pattern, REPORT)).ok().flatten()?;
+    let report: serde_json::Value = serde_json::from_slice(&bytes).ok()?;
+    report["output"]["blake3"].as_str().map(str::to_owned)
+}
+
 /// Writes a file named after a drop into the SKU's reports folder. A power cut at that moment may lose the file, but
 /// never leaves an incomplete one.
 pub(crate) fn write_report(
