@@ -8,7 +8,7 @@ use clap::Args;
 use super::fleet_place::Place;
 use super::options::parse_sku;
 use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
-use crate::config::{ConfigError, JobSettings};
+use crate::config::{ConfigError, JobSettings, Station};
 use crate::diff::text_changes;
 use crate::fleet::{self, Address, NewRelease, ReleaseRow, Releases};
 use crate::printable::on_one_line;
@@ -20,19 +20,23 @@ const LINES: usize = 40;
 #[derive(Debug, Args)]
 #[command(
     allow_missing_positional = true,
-    override_usage = "isomark fleet release SKU FILE.toml URL [--station LINE] [--author NAME]\n       \
+    override_usage = "isomark fleet release SKU FILE.toml URL [--with STATION.TOML] [--station LINE] [--author NAME]\n       \
                       isomark fleet release SKU --remove URL [--station LINE]\n       \
                       isomark fleet release SKU --history URL [--json]"
 )]
 pub(super) struct ReleaseArguments {
     /// The SKU, such as `can-500`.
     sku: String,
-    /// The SKU's settings, in the form of `skus/<sku>.toml` of a station. isomark checks them first; give the settings of a station
-    /// in place of the URL to check them together with those of that station.
+    /// The SKU's settings, in the form of `skus/<sku>.toml` of a station. isomark checks them first; with `--with`, together with those
+    /// of a station.
     #[arg(value_name = "FILE.toml", conflicts_with_all = ["remove", "history"])]
     file: Option<PathBuf>,
     #[command(flatten)]
     place: Place,
+    /// Checks the settings together with those of this station, for example if they need a depth of focus that only the stations
+    /// state.
+    #[arg(long, value_name = "STATION.TOML", requires = "file")]
+    with: Option<PathBuf>,
     /// Only for the station with this name. There, it is used in place of the release for all.
     #[arg(long, value_name = "STATION", conflicts_with = "history")]
     station: Option<String>,
@@ -59,13 +63,17 @@ fn parse_author(text: &str) -> Result<String, String> {
 }
 
 pub(super) fn run(arguments: &ReleaseArguments) -> Outcome {
-    let ReleaseArguments { sku, file, place, station, author, remove, history, json } = arguments;
+    let ReleaseArguments { sku, file, place, with, station, author, remove, history, json } = arguments;
     let sku = parse_sku(sku)?;
     let new =
         NewRelease { sku: &sku, settings: None, station: station.as_deref(), author: author.as_deref() };
     match (file, remove, history) {
         (Some(file), ..) => {
-            let base = place.station()?.map_or_else(JobSettings::default, |station| station.settings);
+            let station = match with {
+                Some(with) => Some(Station::load(with)?),
+                None => place.station()?,
+            };
+            let base = station.map_or_else(JobSettings::default, |station| station.settings);
             let settings = checked(file, &base)?;
             release(&place.address()?, &NewRelease { settings: Some(&settings), ..new })
         }

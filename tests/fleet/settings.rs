@@ -193,11 +193,21 @@ fn broken_settings_are_refused_at_release_with_their_place() {
     fleet(&desk, &["release", "can", "can.toml", &url, "--remove"]).refused(2, &["--remove"]);
     fleet(&desk, &["release", "can", "can.toml", &url, "--author", "a\nb"]).refused(2, &["--author"]);
     assert_eq!(server.sql("isomark", "SELECT count(*) FROM isomark.release"), "0");
-    // Settings that are wrong only together with those of a station: named in place of the URL, it checks them, too.
-    let station = Station::new("laser1", &format!("[serial]\nlast = 100\n{}", in_fleet(&url)));
+    // Settings that are wrong only together with those of a station, whose login may not release.
+    server.login("laser1", "station");
+    let of_station = format!("[serial]\nlast = 100\n{}", in_fleet(&server.url("laser1")));
+    let station = Station::new("laser1", &of_station);
     desk.write("can.toml", "[serial]\nstart = 200\n");
     let settings = station.path("station.toml").display().to_string();
-    fleet(&desk, &["release", "can", "can.toml", &settings]).refused(2, &["can.toml", "line 2", "100"]);
+    for place in [&[settings.as_str()][..], &[&url, "--with", &settings]] {
+        fleet(&desk, &[&["release", "can", "can.toml"], place].concat())
+            .refused(2, &["can.toml", "line 2", "100"]);
+    }
+    desk.write("well.toml", "[serial]\nstart = 50\n");
+    fleet(&desk, &["release", "cup", "well.toml", &settings])
+        .refused(3, &["permission denied", "GRANT isomark_office"]);
+    assert_eq!(fleet(&desk, &["release", "cup", "well.toml", &url, "--with", &settings]).code, 0);
+    server.sql("isomark", "DELETE FROM isomark.current_release; DELETE FROM isomark.release");
     assert_eq!(fleet(&desk, &["release", "can", "can.toml", &url]).code, 0);
     assert_eq!(server.sql("isomark", "SELECT count(*) FROM isomark.release"), "1");
 }
