@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from xml.etree import ElementTree
 
@@ -424,6 +425,84 @@ def a_drawing_file_that_changed_is_noticed():
         assert job.Files(b"part", b"one", ".dxf").is_current()
 
 
+def a_file_that_is_written_while_it_is_followed_is_noticed():
+    from freecad.Isomark import follow
+
+    calls = []
+    file = follow.File(lambda: calls.append(1))
+
+    def look():
+        file.look()
+        until(lambda: file._work is None, "an answer")
+        return len(calls)
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "a.svg")
+        # It does not exist when it is chosen.
+        file.begin(path, station.stamp(path))
+        assert look() == 0
+        with open(path, "wb") as written:
+            written.write(b"one")
+        assert look() == 1 and look() == 1
+        seen = station.stamp(path)
+        with open(path, "wb") as written:
+            written.write(b"longer")
+        # Written after it was read, and before the first look.
+        file.begin(path, seen)
+        assert look() == 2 and look() == 2
+        # Read while the look was under way: what was seen is not older than what was read.
+        file.look()
+        file.begin(path, (0, 0, 0))
+        until(lambda: file._work is None, "an answer")
+        assert len(calls) == 2
+        file.begin("")
+        assert look() == 2
+    file.close()
+
+
+def a_share_that_hangs_does_not_block_and_gets_one_thread():
+    from freecad.Isomark import follow
+    from freecad.Isomark.child import Newest
+
+    answers, asked, threads = threading.Event(), [], []
+
+    def hangs(path):
+        asked.append(path)
+        threads.append(threading.current_thread())
+        assert answers.wait(PATIENCE)
+        return path
+
+    stamp, follow.stamp = follow.stamp, hangs
+    try:
+        changed = []
+        file = follow.File(lambda: changed.append(1))
+        # As the panel does it, once a second and after each correction.
+        for path in ("slow", "slow", "other", "other"):
+            file.begin(path, path)
+            file.look()
+        until(lambda: asked, "a first look")
+        reader, done = Newest(), []
+        for path in ("first", "second", "third"):
+            reader.run(lambda path=path: hangs(path), lambda result, error: done.append((result, error)))
+        until(lambda: len(asked) == 2, "a first reading")
+        assert asked == ["slow", "first"] and threading.main_thread() not in threads, asked
+        answers.set()
+        until(lambda: done, "a reading")
+        until(lambda: file._work is None, "an answer")
+        file.look()
+        until(lambda: file._work is None, "an answer of the other file")
+        assert done == [("third", None)] and changed == [], (done, changed)
+        assert sorted(asked) == ["first", "other", "slow", "third"], asked
+        # What nobody waits for any longer is not told.
+        reader.run(lambda: hangs("fourth"), lambda result, error: done.append(result))
+        reader.forget()
+        until(lambda: reader._work is None, "the end of the reading")
+        assert len(done) == 1
+    finally:
+        answers.set()
+        follow.stamp = stamp
+
+
 def a_rejection_is_told_in_the_words_of_the_panel():
     reason = {
         "code": "outside-mark",
@@ -583,6 +662,8 @@ harness.run(
         the_package_names_what_it_contains,
         the_station_file_is_understood_like_isomark_does,
         a_drawing_file_that_changed_is_noticed,
+        a_file_that_is_written_while_it_is_followed_is_noticed,
+        a_share_that_hangs_does_not_block_and_gets_one_thread,
         a_rejection_is_told_in_the_words_of_the_panel,
         suggested_names_are_accepted,
         programs_that_are_not_isomark_have_a_remedy,

@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+import threading
 import traceback
 
 import FreeCAD
@@ -516,6 +517,43 @@ def scenario():
     yield Until(lambda: panel() is None, "the closed panel")
     assert not os.path.exists(temporary)
     assert processes() == [], processes()
+
+    say("step: a selection that FreeCAD cannot read does not keep the panel from opening")
+    from freecad.Isomark import choice
+
+    def unreadable(*_):
+        raise ValueError("no such shape")
+
+    readable, choice.of_selection = choice.of_selection, unreadable
+    FreeCADGui.runCommand("Isomark_Mark")
+    view, choice.of_selection = panel(), readable
+    yield shows(view.message, "no such shape", "Check geometry")
+    temporary = view.folder.path
+    view.reject()
+    assert panel() is None and not os.path.exists(temporary)
+
+    say("step: the stations and files of a correction are read in another thread")
+    from freecad.Isomark import station as stations
+
+    opened, threads = stations.open_station, []
+
+    def recorded(path):
+        threads.append(threading.current_thread())
+        return opened(path)
+
+    stations.open_station = recorded
+    FreeCADGui.Selection.addSelection("Mug", "Can", "Cylinder.Face1", 10, -35, 0)
+    FreeCADGui.Selection.addSelection("Mug", "Label")
+    FreeCADGui.runCommand("Isomark_Mark")
+    view = panel()
+    yield ready_to_send(view)
+    view.set_file(os.path.join(folder, "none.svg"))
+    yield shows(view.message, "none.svg does not exist", "Choose the drawing again")
+    write_line(os.path.join(folder, "none.svg"), 7)
+    yield shows(view.table, "Lines", "7.0 mm")
+    assert threads and threading.main_thread() not in threads
+    stations.open_station = opened
+    view.reject()
 
     say("step: a document is closed while its panel is open")
     document.save()

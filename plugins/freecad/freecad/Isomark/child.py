@@ -95,6 +95,41 @@ class Child:
         )
 
 
+class Newest:
+    """Runs functions in threads, one at a time: while one of them hangs, the newest of the others waits for its end."""
+
+    def __init__(self):
+        self._work = None
+        self._done = None
+        self._waiting = None
+
+    def run(self, work, done):
+        """Runs a function instead of the ones before: `done(result, error)` is called for it alone."""
+        self._done, self._waiting = None, (work, done)
+        self._advance()
+
+    def forget(self):
+        """Calls nothing for what was run."""
+        self._done = self._waiting = None
+
+    def close(self):
+        self.forget()
+        if self._work is not None:
+            self._work.forget()
+
+    def _advance(self):
+        if self._work is None and self._waiting is not None:
+            (work, self._done), self._waiting = self._waiting, None
+            self._work = Background(work, self._answered)
+
+    def _answered(self, result, error):
+        self._work = None
+        done, self._done = self._done, None
+        if done is not None:
+            done(result, error)
+        self._advance()
+
+
 class Background:
     """Runs a function in a thread; `done(result, error)` is called in the thread of the window, unless it is forgotten."""
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """What the user chose: the part, its faces, the drawing, and the marking frame that follows from them."""
 
-import os
-
 import FreeCAD
 import Part
 
@@ -99,11 +97,6 @@ class Choice:
                     "Select a sketch, a Draft object or a ShapeString and click Use selection, or choose a DXF file or "
                     "a picture with File.",
                 ),
-            )
-        if self.file and not os.path.isfile(self.file):
-            raise Trouble(
-                translate("Isomark", "The drawing {file} does not exist.", file=self.file),
-                translate("Isomark", "Choose the drawing again with File."),
             )
 
     def is_picture(self):

@@ -10,6 +10,8 @@ from .station import stamp
 
 #: The properties that change what is seen of an object without a recompute.
 _SEEN = ("Shape", "Placement", "LinkPlacement", "LinkedObject", "LinkTransform", "Scale", "ScaleVector", "Group")
+#: The same of the elements of a link array.
+_SEEN += ("PlacementList", "ScaleList", "ElementCount", "VisibilityList", "ShowElement")
 
 
 class Documents:
@@ -54,7 +56,7 @@ class Documents:
 
 
 class File:
-    """Calls `changed` when the file of the drawing is another one than before."""
+    """Calls `changed` when the file of the drawing is another one than the one that was read."""
 
     def __init__(self, changed):
         self._changed = changed
@@ -63,25 +65,24 @@ class File:
         self._work = None
 
     def close(self):
+        self._path = ""
         if self._work is not None:
             self._work.forget()
-            self._work = None
 
-    def begin(self, path):
-        """Follows a file, from what it is now; an empty path follows none."""
-        self.close()
-        self._path = path
-        self._seen = stamp(path) if path else None
+    def begin(self, path, seen=None):
+        """Follows a file whose `stamp` was `seen` before it was read; an empty path follows none."""
+        self._path, self._seen = path, seen
 
     def look(self):
         """Looks at the file, soon."""
         # A share may answer slowly: never in the window's thread, and never two at a time.
         if self._path and self._work is None:
-            path = self._path
-            self._work = Background(lambda: stamp(path), self._found)
+            path, seen = self._path, self._seen
+            self._work = Background(lambda: stamp(path), lambda found, _error: self._found(path, seen, found))
 
-    def _found(self, found, _error):
+    def _found(self, path, seen, found):
         self._work = None
-        if found != self._seen:
+        # Of a file that was read again since, this may be older than what was read.
+        if (path, seen) == (self._path, self._seen) and found != seen:
             self._seen = found
             self._changed()

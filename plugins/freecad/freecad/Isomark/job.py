@@ -30,20 +30,23 @@ class Files:
             return False
 
 
-def files(choice, tessellated, frame):
-    """The files of what was chosen. Raises `Trouble`."""
+def read(path):
+    """The bytes of the file of a drawing. Raises `Trouble`."""
+    try:
+        with open(path, "rb") as file:
+            return file.read()
+    except OSError as error:
+        what = translate("Isomark", "The drawing {file} does not exist.", file=path)
+        if not isinstance(error, FileNotFoundError):
+            what = translate("Isomark", "The drawing {file} cannot be read: {error}.", file=path, error=error.strerror)
+        raise Trouble(what, translate("Isomark", "Choose the drawing again with File.")) from error
+
+
+def files(choice, tessellated, frame, data=None):
+    """The files of what was chosen; `data` is what was read from the file of the drawing. Raises `Trouble`."""
     part = tessellated.glb(frame)
     if choice.file:
-        try:
-            with open(choice.file, "rb") as file:
-                data = file.read()
-        except OSError as error:
-            raise Trouble(
-                translate(
-                    "Isomark", "The drawing {file} cannot be read: {error}.", file=choice.file, error=error.strerror
-                ),
-                translate("Isomark", "Choose the drawing again with File."),
-            ) from error
+        data = read(choice.file) if data is None else data
         return Files(part, data, os.path.splitext(choice.file)[1].lower(), choice.file)
     paths = choice.paths(frame)
     if not is_under(tessellated.points(), frame, dxf.extents(paths)):

@@ -9,7 +9,7 @@ import FreeCADGui
 from PySide import QtCore, QtGui
 
 from . import choice, follow, job, mark, part, program, settings, station
-from .child import Background, Child
+from .child import Background, Child, Newest
 from .overlay import Overlay
 from .wording import Trouble, dividable, translate
 
@@ -71,6 +71,7 @@ class Panel:
         self._stepper = QtCore.QTimer()
         self._stepper.timeout.connect(self._step)
         self._file = follow.File(self.changed)
+        self._reader = Newest()
         self._looker = QtCore.QTimer()
         self._looker.timeout.connect(self._look_around)
         self._looker.start(LOOK_AROUND_MS)
@@ -80,7 +81,12 @@ class Panel:
         self._observer = follow.Documents(self)
         FreeCAD.addDocumentObserver(self._observer)
         QtCore.QCoreApplication.instance().aboutToQuit.connect(self.close)
-        self.use_selection()
+        try:
+            self.use_selection()
+        except BaseException:
+            # Without a panel, nobody would end what was started.
+            self.close()
+            raise
 
     # The widgets.
 
@@ -245,6 +251,7 @@ class Panel:
         for timer in (self._timer, self._stepper, self._looker):
             timer.stop()
         self._file.close()
+        self._reader.close()
         FreeCAD.removeDocumentObserver(self._observer)
         QtCore.QCoreApplication.instance().aboutToQuit.disconnect(self.close)
         for child in (self.child, self.tester):
@@ -260,8 +267,14 @@ class Panel:
 
     def use_selection(self):
         """Takes the part and the drawing from the selection."""
-        # Of all documents: what is selected in another one is named.
-        new = choice.of_selection(FreeCADGui.Selection.getSelectionEx("*", 0), self.document)
+        try:
+            # Of all documents: what is selected in another one is named.
+            new = choice.of_selection(FreeCADGui.Selection.getSelectionEx("*", 0), self.document)
+        except (Trouble, *SHAPE_ERRORS) as error:
+            trouble = error if isinstance(error, Trouble) else _of_freecad(error)
+            self._show_choice()
+            self._say(self.message, trouble.what, trouble.remedy, True)
+            return
         # A selected object is shown in another colour, which would hide the mark.
         FreeCADGui.Selection.clearSelection()
         if new.elsewhere and new.is_incomplete() and not self.choice.is_incomplete():
@@ -396,7 +409,6 @@ class Panel:
         self._stop()
         self.result = None
         self.made = None
-        self._file.begin(self.choice.file)
         self._show_choice()
         try:
             self.choice.check()
@@ -429,6 +441,7 @@ class Panel:
     def _stop(self):
         self._busy(False)
         self._stepper.stop()
+        self._reader.forget()
         self.steps = None
         if self.tessellated is None:
             self.tessellated_key = None
@@ -459,8 +472,27 @@ class Panel:
         product, drawing = self.names()
         station.check_name(product, translate("Isomark", "product"))
         station.check_name(drawing, translate("Isomark", "drawing"))
-        self.station_file = station.open_station(self.station.text()).file if self.station.text().strip() else ""
-        self.made = job.files(self.choice, self.tessellated, self.frame)
+        text, file = self.station.text().strip(), self.choice.file
+
+        def done(found, error):
+            try:
+                if error is not None:
+                    raise error
+                seen, data, self.station_file, trouble = found
+                self._file.begin(file, seen)
+                if trouble is not None:
+                    raise trouble
+                self._run(product, drawing, data)
+            except Trouble as trouble:
+                self._trouble(trouble)
+            except SHAPE_ERRORS as error:
+                self._trouble(_of_freecad(error))
+
+        self._reader.run(lambda: _read(text, file), done)
+
+    def _run(self, product, drawing, data):
+        """Starts the program; `data` is what was read from the file of the drawing."""
+        self.made = job.files(self.choice, self.tessellated, self.frame, data)
         run = job.Run(self.folder, self.made, product, drawing, self.options())
         path = program.find(self.program.text())
 
@@ -698,16 +730,9 @@ class Sending:
                     translate("Isomark", "No station is chosen."),
                     translate("Isomark", "Choose the station.toml of your station, or its hot folder."),
                 )
-            self.station = station.open_station(panel.station.text())
-            if self.station.file != panel.station_file:
-                panel.changed()
-                raise Trouble(
-                    translate("Isomark", "The result was calculated without the settings of this station."),
-                    translate("Isomark", "Wait for the new result above, and send again."),
-                )
             names = station.drop_names(product, drawing, panel.made.ending)
             settings_file = station.sidecar(panel.options(), panel.frame)
-            made = panel.made
+            made, path, used = panel.made, panel.station.text(), panel.station_file
             data = (made.part, settings_file, made.drawing)
             self.frame = panel.frame
         except Trouble as trouble:
@@ -719,18 +744,24 @@ class Sending:
         is_confirmed, self.asked_about = self.asked_about == what, None
 
         def work():
+            to = station.open_station(path)
+            if to.file != used:
+                raise _Outdated(
+                    translate("Isomark", "The result was calculated without the settings of this station."),
+                    translate("Isomark", "Wait for the new result above, and send again."),
+                )
             if not made.is_current():
                 raise _Outdated(
                     translate("Isomark", "Not sent: the file of the drawing was changed."),
                     translate("Isomark", "Check the new result above, and send again."),
                 )
-            station.refuse_another_frame(self.station.hot, names, settings_file)
-            others = [] if is_confirmed else station.placed_elsewhere(self.station, product, names[2], self.frame)
+            station.refuse_another_frame(to.hot, names, settings_file)
+            others = [] if is_confirmed else station.placed_elsewhere(to, product, names[2], self.frame)
             if others:
                 raise _Elsewhere(what, others)
-            answer = station.Answer(self.station, product, names[0], names[2])
-            station.send(self.station.hot, list(zip(names, data)))
-            return answer
+            answer = station.Answer(to, product, names[0], names[2])
+            station.send(to.hot, list(zip(names, data)))
+            return answer, answer.can_be_seen()
 
         self.work = Background(work, self._sent)
 
@@ -742,7 +773,7 @@ class Sending:
                 translate("Isomark", "Save the document, or enter a product."),
             )
 
-    def _sent(self, answer, error):
+    def _sent(self, sent, error):
         self.work = None
         self.panel.send_button.setEnabled(True)
         if isinstance(error, _Elsewhere):
@@ -752,10 +783,11 @@ class Sending:
         if error is not None:
             self._show(str(getattr(error, "what", error)), getattr(error, "remedy", ""), True)
             return
-        self.answer = answer
+        answer, can_be_seen = sent
+        self.answer, self.station = answer, answer.station
         self.waiting = ("", "")
         self.since_status = 0.0
-        if not answer.can_be_seen():
+        if not can_be_seen:
             self._show(
                 translate("Isomark", "Sent: {name}. The station's answer cannot be shown here.", name=answer.drawing),
                 translate(
@@ -871,6 +903,24 @@ class _Elsewhere(Trouble):
 
 class _Outdated(Trouble):
     """What is sent is not what the user sees."""
+
+
+def _read(path, drawing):
+    """What a correction reads from drives and shares that may answer slowly: not for the window's thread.
+
+    The stamp and the bytes of the file of the drawing, the file of the station, and what is wrong, or `None`.
+    """
+    seen, data, file, trouble = None, None, "", None
+    try:
+        if drawing:
+            # Before the bytes: a file that changes meanwhile is read again.
+            seen = station.stamp(drawing)
+            data = job.read(drawing)
+        if path:
+            file = station.open_station(path).file
+    except Trouble as error:
+        trouble = error
+    return seen, data, file, trouble
 
 
 #: What FreeCAD and OpenCASCADE raise for shapes that they cannot handle.
