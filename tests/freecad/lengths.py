@@ -418,6 +418,12 @@ def what_cannot_be_used_is_named():
         assert "Several parts" in found and can.Label in found and other.Label in found, found
     assert "neither a part nor a drawing" in refusal(of([Entry(group), Entry(can)]))
     assert "neither a part nor a drawing" in refusal(of([Entry(plane), Entry(sketch)]))
+    # It has no ends, and so no vertices.
+    endless = document.addObject("Part::Feature", "Endless")
+    endless.Shape = Part.Line(Vector(0, -20, 25), Vector(9, -20, 25)).toShape()
+    assert endless.Shape.Edges and not endless.Shape.Vertexes
+    for entries in ([Entry(endless)], [Entry(can, "Face1"), Entry(endless)]):
+        assert "neither a part nor a drawing" in refusal(of(entries))
     # Beside a part and a drawing, these are ignored.
     usable = of([Entry(can), Entry(sketch), Entry(plane), Entry(group), Entry(can, "Face2")])
     usable.check()
@@ -566,6 +572,83 @@ def what_shows_a_sketch_has_its_plane_and_its_x():
         choices.frame()
         what, remedy = choices.assumed
         assert words in what and item.Label in what and "sketch" in remedy, choices.assumed
+
+
+def of_several_sketches_the_first_link_decides():
+    document = FreeCAD.newDocument()
+    plate = document.addObject("Part::Box", "Plate")
+    plate.Length, plate.Width, plate.Height = 100, 60, 10
+    turn = FreeCAD.Rotation(Vector(0, 0, 1), 30)
+    sketches = [corner_sketch(document, None, FreeCAD.Placement(Vector(10 * n, 20, 12), turn)) for n in range(4)]
+    for order in ((0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1), (1, 3, 0, 2)):
+        links = [sketches[number] for number in order]
+        flat, inner, outer = (document.addObject("Part::Compound", "Several") for _ in range(3))
+        # The same in containers, one of which shows a sketch once more.
+        flat.Links, inner.Links, outer.Links = links, links[:2], [inner, links[0]] + links[2:]
+        document.recompute()
+        for item in (flat, outer):
+            choices = chosen(plate, [item])
+            assert_frame_of_corner(choices.frame(), links[0].Shape, (item.Name, order))
+            assert links[0].Label in choices.assumed[0], (order, choices.assumed)
+
+
+def a_binder_of_some_edges_has_the_plane_of_its_sketch():
+    document = FreeCAD.newDocument()
+    plate = document.addObject("Part::Box", "Plate")
+    plate.Length, plate.Width, plate.Height = 100, 60, 10
+    sketch, _ = sketch_on(document, None, FreeCAD.Placement(Vector(50, 30, 12), FreeCAD.Rotation(Vector(0, 0, 1), 30)))
+    corner = corner_sketch(document, None, FreeCAD.Placement(Vector(40, 20, 13), FreeCAD.Rotation(Vector(0, 0, 1), 70)))
+    # Of closed lines, such as the circles 1 and 7, a binder makes faces, with copies of the edges.
+    for source, edges in (
+        (sketch, (1,)),
+        (sketch, (2,)),
+        (sketch, (7,)),
+        (sketch, (9, 8)),
+        (sketch, (3, 4, 5, 6)),
+        (corner, (1,)),
+        (corner, (2,)),
+    ):
+        binder = document.addObject("PartDesign::SubShapeBinder", "Binder")
+        binder.Support = [(source, tuple("Edge%d" % number for number in edges))]
+        document.recompute()
+        choices = chosen(plate, [binder])
+        assert choices.frame().is_same(chosen(plate, [source]).frame()), (source.Name, edges)
+        assert choices.assumed is None, (source.Name, edges)
+
+
+def a_link_array_whose_elements_change_is_followed():
+    from freecad.Isomark import follow
+
+    document = FreeCAD.newDocument()
+    sketch = corner_sketch(document, None, FreeCAD.Placement())
+    array = document.addObject("App::Link", "Array")
+    array.LinkedObject, array.ShowElement, array.ElementCount = sketch, False, 2
+    document.recompute()
+
+    class Following:
+        documents = {document.Name}
+        count = 0
+
+        def changed(self):
+            self.count += 1
+
+    panel = Following()
+    observer = follow.Documents(panel)
+    FreeCAD.addDocumentObserver(observer)
+    try:
+        for name, change in (
+            ("Label", lambda: setattr(array, "Label", "Other")),
+            ("PlacementList", lambda: setattr(array, "PlacementList", [FreeCAD.Placement(), sketch.Placement])),
+            ("ScaleList", lambda: setattr(array, "ScaleList", [Vector(1, 1, 1), Vector(2, 2, 2)])),
+            ("VisibilityList", lambda: array.setElementVisible("0", False)),
+            ("ElementCount", lambda: setattr(array, "ElementCount", 3)),
+            ("ShowElement", lambda: setattr(array, "ShowElement", True)),
+        ):
+            before = panel.count
+            change()
+            assert (panel.count > before) == (name != "Label"), name
+    finally:
+        FreeCAD.removeDocumentObserver(observer)
 
 
 def a_straight_line_gets_its_plane_from_the_part():
@@ -776,6 +859,9 @@ harness.run(
         a_sketch_alone_gets_the_part_of_its_own_container,
         a_scaled_link_does_not_turn_the_frame,
         what_shows_a_sketch_has_its_plane_and_its_x,
+        of_several_sketches_the_first_link_decides,
+        a_binder_of_some_edges_has_the_plane_of_its_sketch,
+        a_link_array_whose_elements_change_is_followed,
         a_straight_line_gets_its_plane_from_the_part,
         a_straight_line_in_front_of_a_clicked_face_is_marked_on_it,
         a_face_that_was_not_clicked_has_its_mark_in_the_middle,

@@ -120,6 +120,9 @@ def direction_of(shape):
     if any(edge.Length >= SHORTEST and edge.Curve.TypeId not in straight for edge in shape.Edges):
         return None
     points = [tuple(vertex.Point) for vertex in shape.Vertexes]
+    if not points:
+        # An infinite line.
+        return None
     farthest = max(points, key=lambda point: math.dist(point, points[0]))
     if math.dist(farthest, points[0]) < SHORTEST:
         return None

@@ -22,12 +22,24 @@ def own_frames(ref, shape):
         depths = [frame.local(tuple(vertex.Point))[2] for vertex in shape.Vertexes]
         return [(frame, linked)] if not depths or max(depths) - min(depths) <= outline.FLAT else []
     found = []
-    for source in linked.OutListRecursive:
+    for source in _made_of(linked):
         if _has_plane(source):
             placed = _placed(source, shape, matrix)
             if placed is not None:
                 found.append((frame_of_matrix(placed), source))
     return found
+
+
+def _made_of(item):
+    """The objects that an object is made of, each once, in the order of its links."""
+    # `OutListRecursive` sorts by addresses in memory, so that another session would give another order.
+    seen, waiting = {item}, item.OutList[::-1]
+    while waiting:
+        found = waiting.pop()
+        if found not in seen:
+            seen.add(found)
+            yield found
+            waiting += found.OutList[::-1]
 
 
 def _has_plane(item):
@@ -42,18 +54,27 @@ def _placed(source, shape, matrix):
 
     `matrix` is that of the object with the shape.
     """
-    first = source.Shape.Edges[0]
+    # By their ranges, which are the same for the same edge: comparing each with each takes seconds for a large array.
+    with_range = {}
     for edge in shape.Edges:
-        # Links, binders and compounds place the same edge; arrays copy it.
-        if edge.isPartner(first):
-            moved = edge.Placement.multiply(first.Placement.inverse())
-            return moved.multiply(source.Placement).toMatrix()
-    corners = [vertex.Point for vertex in shape.Vertexes]
-    for vertex in source.Shape.Vertexes[:COMPARED]:
-        there = matrix.multVec(vertex.Point)
-        if not any((corner - there).Length <= SAME for corner in corners):
-            return None
-    return matrix.multiply(source.Placement.toMatrix())
+        with_range.setdefault((edge.FirstParameter, edge.LastParameter), []).append(edge)
+    # A binder may show only some of the edges.
+    for line in source.Shape.Edges:
+        for edge in with_range.get((line.FirstParameter, line.LastParameter), ()):
+            # Links, binders and compounds place the same edge; arrays copy it, and so do faces of binders.
+            if edge.isPartner(line):
+                moved = edge.Placement.multiply(line.Placement.inverse())
+                return moved.multiply(source.Placement).toMatrix()
+    shown = [vertex.Point for vertex in shape.Vertexes]
+    drawn = [matrix.multVec(vertex.Point) for vertex in source.Shape.Vertexes]
+    # An array shows more than the drawing, and a binder of some closed lines less.
+    if shown and (_are_among(drawn[:COMPARED], shown) or _are_among(shown[:COMPARED], drawn)):
+        return matrix.multiply(source.Placement.toMatrix())
+    return None
+
+
+def _are_among(points, others):
+    return all(any((other - point).Length <= SAME for other in others) for point in points)
 
 
 def frame_of_matrix(matrix):
