@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix
 
 from . import curves, dxf
-from .trouble import Trouble
+from .trouble import InputTrouble
 
 # Types of objects that are read as drawings. Blender 4.3 renamed grease pencil.
 TYPES = ("CURVE", "FONT", "GPENCIL", "GREASEPENCIL")
@@ -45,7 +45,7 @@ def shows_collection(item):
 def frame_of(empty, context):
     """The marking frame of an empty; without one, that of the world: the laser looks down.
 
-    Raises Trouble if the empty is hidden, or its axes have no length or are mirrored.
+    Raises InputTrouble if the empty is hidden, or its axes have no length or are mirrored.
     """
     if empty is None:
         return Frame(np.zeros(3), np.eye(3))
@@ -53,9 +53,9 @@ def frame_of(empty, context):
     matrix = np.array(empty.evaluated_get(context.evaluated_depsgraph_get()).matrix_world, float)
     axes = matrix[:3, :3]
     if abs(np.linalg.det(axes)) < 1e-12 * max(1e-12, np.abs(axes).max() ** 3):
-        raise Trouble(f"The frame {empty.name} has the scale 0.", "Clear its scale with Alt+S.")
+        raise InputTrouble(f"The frame {empty.name} has the scale 0.", "Clear its scale with Alt+S.")
     if np.linalg.det(axes) < 0:
-        raise Trouble(f"The frame {empty.name} is mirrored: its scale is negative.", "Clear its scale with Alt+S.")
+        raise InputTrouble(f"The frame {empty.name} is mirrored: its scale is negative.", "Clear its scale with Alt+S.")
     z = axes[:, 2] / np.linalg.norm(axes[:, 2])
     x = axes[:, 0] - z * (z @ axes[:, 0])
     x /= np.linalg.norm(x)
@@ -81,26 +81,27 @@ def instances(evaluated, depsgraph):
 
 
 def refuse_hidden(item, context):
-    """Raises Trouble for an object that Blender does not keep up to date, because it is not shown."""
+    """Raises InputTrouble for an object that Blender does not keep up to date, because it is not shown."""
     if item.name not in context.view_layer.objects:
-        raise Trouble(f"The object {item.name} is not in this scene or view layer.", "Choose another object, or link it to the scene.")
+        raise InputTrouble(f"The object {item.name} is not in this scene or view layer.",
+                           "Choose another object, or link it to the scene.")
     if not item.visible_get(view_layer=context.view_layer):
-        raise Trouble(f"The object {item.name} is hidden, and Blender does not keep hidden objects up to date.",
-                      "Show it with its eye in the Outliner.")
+        raise InputTrouble(f"The object {item.name} is hidden, and Blender does not keep hidden objects up to date.",
+                           "Show it with its eye in the Outliner.")
 
 
 def read(objects, frame, context):
     """The drawing that the objects show, with one layer for each object.
 
-    Raises Trouble if there is no object, one is of another kind, or none contains a line.
+    Raises InputTrouble if there is no object, one is of another kind, or none contains a line.
     """
     if not objects:
-        raise Trouble("There is no drawing yet.",
-                      "Select curves, texts or grease pencil in the view and press Use Selected.")
+        raise InputTrouble("There is no drawing yet.",
+                           "Select curves, texts or grease pencil in the view and press Use Selected.")
     for item in objects:
         if item.type not in TYPES:
-            raise Trouble(f"The object {item.name} is a {item.type.lower()}, which is not a drawing.",
-                          "Convert it with Object > Convert > Curve, or remove it from the list.")
+            raise InputTrouble(f"The object {item.name} is a {item.type.lower()}, which is not a drawing.",
+                               "Convert it with Object > Convert > Curve, or remove it from the list.")
         refuse_hidden(item, context)
         if item.type in ("CURVE", "FONT") and item.data.is_editmode:
             item.update_from_editmode()
@@ -122,7 +123,7 @@ def read(objects, frame, context):
         count = len(paths)
         for points, closed in found:
             if not np.isfinite(points).all():
-                raise Trouble(f"The object {item.name} has points at infinity.", "Remove the broken spline.")
+                raise InputTrouble(f"The object {item.name} has points at infinity.", "Remove the broken spline.")
             flat = _without_repeats(points[:, :2], closed)
             paths.append(dxf.Path(layer, closed and len(flat) > 2, flat.tolist()))
         if count == len(paths):
@@ -133,7 +134,7 @@ def read(objects, frame, context):
             notices.append(f"{item.name} is up to {place.off:.2f} mm off the plane of the frame; its view along the "
                            "frame's Z is marked.")
     if not paths:
-        raise Trouble("The drawing contains no line.", "Draw a curve, or type a text.")
+        raise InputTrouble("The drawing contains no line.", "Draw a curve, or type a text.")
     return Drawing(paths, notices)
 
 
@@ -171,7 +172,8 @@ def _coordinates(collection, attribute, width=3):
 def _of_curve(item, evaluated, depsgraph, place, notices):
     """Paths of a curve or of the outlines of a text."""
     data = item.data
-    has_body = data.bevel_depth or data.extrude or data.bevel_object or data.bevel_mode == "OBJECT"
+    # With the mode Object, Blender uses neither the depth nor the extrusion; with the others, no bevel object.
+    has_body = data.bevel_object if data.bevel_mode == "OBJECT" else data.bevel_depth or data.extrude
     if has_body:
         notices.append(f"{item.name}: bevel and extrusion are ignored, the line itself is marked.")
     if beyond := _beyond_splines(item):
@@ -182,7 +184,7 @@ def _of_curve(item, evaluated, depsgraph, place, notices):
                            "Resolution Preview. Raise that for finer curves.")
             yield from ((place(points), closed) for points, closed in lines)
             return
-        remedy = "Set its bevel and extrusion to 0" if has_body else "Convert it with Object > Convert > Curve"
+        remedy = "Remove its bevel and extrusion" if has_body else "Convert it with Object > Convert > Curve"
         notices.append(f"{item.name}: {names} is not applied, so the mark differs from the view. {remedy}.")
     if data.offset:
         notices.append(f"{item.name}: its offset is ignored.")

@@ -191,6 +191,7 @@ def _is_close(matrix, other):
 class _Background(bpy.types.Operator):
     """An operator that waits for a child process in the background, and that ESC ends."""
     bl_options = {"INTERNAL"}
+    job = None
     _timer = None
 
     def begin(self, context):
@@ -202,16 +203,16 @@ class _Background(bpy.types.Operator):
         raise NotImplementedError
 
     def fail(self, context, trouble):
-        """Shows the trouble."""
+        """Shows the trouble. Returns how the operator ends: only after FINISHED, Blender pushes an undo step."""
         self.report({"ERROR"}, str(trouble))
         session.redraw()
+        return {"CANCELLED"}
 
     def invoke(self, context, _event):
         try:
             self.job = self.begin(context)
         except Trouble as trouble:
-            self.fail(context, trouble)
-            return {"CANCELLED"}
+            return self.fail(context, trouble)
         self._timer = context.window_manager.event_timer_add(_TICK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
         session.redraw()
@@ -231,8 +232,7 @@ class _Background(bpy.types.Operator):
             self.complete(context)
         except Trouble as trouble:
             self.cancel(context)
-            self.fail(context, trouble)
-            return {"FINISHED"}
+            return self.fail(context, trouble)
         session.redraw()
         return {"FINISHED"}
 
@@ -246,8 +246,7 @@ class _Background(bpy.types.Operator):
             self.complete(context)
         except Trouble as trouble:
             self.release(context)
-            self.fail(context, trouble)
-            return {"CANCELLED"}
+            return self.fail(context, trouble)
         return {"FINISHED"}
 
     def cancel(self, context):
@@ -278,11 +277,13 @@ class IsomarkShow(_Background):
         return session.run
 
     def complete(self, context):
-        self.job.finish(context)
+        self.job.finish()
 
     def fail(self, context, trouble):
-        session.note(context.scene, trouble)
-        super().fail(context, trouble)
+        scene = context.scene if self.job is None else self.job.scene
+        is_changed = session.note(scene, trouble)
+        ending = super().fail(context, trouble)
+        return {"FINISHED"} if is_changed else ending
 
     def release(self, context):
         super().release(context)
@@ -306,7 +307,7 @@ class IsomarkTest(_Background):
 
     def fail(self, context, trouble):
         session.version_trouble = trouble
-        super().fail(context, trouble)
+        return super().fail(context, trouble)
 
 
 class IsomarkCancel(bpy.types.Operator):
@@ -328,8 +329,10 @@ class IsomarkClear(bpy.types.Operator):
     bl_options = {"UNDO"}
 
     def execute(self, context):
-        context.scene.isomark.outcome = ""
-        return {"FINISHED"} if mark.clear(context.scene) else {"CANCELLED"}
+        settings = context.scene.isomark
+        is_changed = bool(settings.outcome)
+        settings.outcome = ""
+        return {"FINISHED"} if mark.clear(context.scene) or is_changed else {"CANCELLED"}
 
 
 class IsomarkSend(bpy.types.Operator):
@@ -375,7 +378,6 @@ CLASSES = (IsomarkUseSelected, IsomarkRemoveDrawing, IsomarkAddFrame, IsomarkLay
 
 @bpy.app.handlers.persistent
 def _before_load(*_):
-    bpy.context.window_manager.isomark_live = False
     live.stop()
     session.end()
 

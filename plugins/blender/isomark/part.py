@@ -8,7 +8,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from . import drawing, glb
-from .trouble import Trouble
+from .trouble import InputTrouble
 
 # Types of objects that have a surface.
 TYPES = ("MESH", "SURFACE", "META")
@@ -23,26 +23,26 @@ _LONGEST_M = 5.0
 def read(item, frame, context):
     """The part as a GLB file with the marking frame; `frame` is a drawing.Frame, or None for none.
 
-    Raises Trouble if there is no object, it has no faces, or its size is not that of a part.
+    Raises InputTrouble if there is no object, it has no faces, or its size is not that of a part.
     """
     if item is None:
-        raise Trouble("There is no part yet.", "Select the part in the view and press Use Selected, or choose it under Part.")
+        raise InputTrouble("There is no part yet.", "Select the part in the view and press Use Selected, or choose it under Part.")
     if item.type not in TYPES:
-        raise Trouble(f"The object {item.name} is a {item.type.lower()}, which has no faces.", "Choose a mesh as the part.")
+        raise InputTrouble(f"The object {item.name} is a {item.type.lower()}, which has no faces.", "Choose a mesh as the part.")
     drawing.refuse_hidden(item, context)
     metres = context.scene.unit_settings.scale_length
     pieces = [piece for shown, mesh, matrix in _meshes(item, context)
               for piece in _pieces(shown, mesh, np.array(matrix, float), metres)]
     triangles = sum(len(piece.triangles) for piece in pieces)
     if not triangles:
-        raise Trouble(f"The part {item.name} has no faces.", "Choose an object with faces as the part.")
+        raise InputTrouble(f"The part {item.name} has no faces.", "Choose an object with faces as the part.")
     points = np.vstack([piece.points for piece in pieces])
     if not np.isfinite(points).all():
-        raise Trouble(f"The part {item.name} has points at infinity.", "Remove the broken vertices.")
+        raise InputTrouble(f"The part {item.name} has points at infinity.", "Remove the broken vertices.")
     size = np.ptp(points, axis=0)
     if np.linalg.norm(size) > _LONGEST_M:
-        raise Trouble(f"The part {item.name} is {size.max():.3g} m long, because a unit of the scene is {metres:g} m.",
-                      "If it is drawn in mm, set Scene Properties > Units > Unit Scale to 0.001.")
+        raise InputTrouble(f"The part {item.name} is {size.max():.3g} m long, because a unit of the scene is {metres:g} m.",
+                           "If it is drawn in mm, set Scene Properties > Units > Unit Scale to 0.001.")
     node = None if frame is None else (tuple(frame.origin * metres), drawing.quaternion(frame))
     name = "part" if item.name == "isomark" else item.name
     return Part(glb.write_part(name, pieces, node), triangles, _notices(item))

@@ -11,10 +11,12 @@ import time
 from collections import namedtuple
 from pathlib import Path
 
-from .trouble import Trouble, of_system
+from .trouble import InputTrouble, Trouble, of_system
 
 # Set by Blender's packages for their own libraries; a child process must not load these.
 _NOT_FOR_CHILDREN = ("LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_LIBRARY_PATH", "PYTHONHOME", "PYTHONPATH", "QT_PLUGIN_PATH")
+# The exit code for an input that isomark rejects; others are about the settings or the computer.
+_REJECTED = 1
 _LONGEST_OUTPUT = 64 * 1024 * 1024
 _INSTALL = "Install isomark, or enter its path in the add-on's preferences and press Test."
 
@@ -139,7 +141,7 @@ _REMEDIES = {
 def result(ended):
     """The JSON document of a run with `--json`.
 
-    Raises Trouble with isomark's reason, or with a sentence about an isomark that is too old.
+    Raises InputTrouble with isomark's reason why the input is rejected; otherwise Trouble, also for an isomark that is too old.
     """
     try:
         document = json.loads(ended.out)
@@ -153,7 +155,8 @@ def result(ended):
         raise Trouble("This isomark is too old: it cannot show the mark on the part.",
                       "Install the newest isomark, or enter the path of a newer one in the add-on's preferences.")
     if what:
-        raise Trouble(what, _REMEDIES.get(document.get("code"), str(document.get("remedy", ""))))
+        kind = InputTrouble if ended.code == _REJECTED else Trouble
+        raise kind(what, _REMEDIES.get(document.get("code"), str(document.get("remedy", ""))))
     lines = (ended.err.strip() or ended.out.strip()).splitlines()
     detail = f": {lines[-1][:200]}" if lines else ""
     raise Trouble(f"The program ended with code {ended.code} and without a result{detail}.",

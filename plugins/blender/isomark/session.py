@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 
 from . import drawing, dxf, glb, mark, part, program, station
-from .trouble import Trouble
+from .trouble import InputTrouble, Trouble
 
 _RUN_LIMIT_S = 300
 
@@ -47,18 +47,19 @@ def names(settings):
 
 
 def choices(context):
-    """What a person chooses beside the objects themselves, as a value that changes with any of it."""
+    """What a person chooses and shows beside the objects themselves, as a value that changes with any of it."""
     settings, chosen = context.scene.isomark, preferences(context)
     items = (settings.part, settings.frame, *(entry.item for entry in settings.drawings))
     return (context.scene.unit_settings.scale_length, settings.sku, settings.name, chosen.program, chosen.station,
-            tuple(item and (item.name, item.name in context.view_layer.objects) for item in items))
+            tuple(item and (item.name, item.name in context.view_layer.objects,
+                            item.visible_get(view_layer=context.view_layer)) for item in items))
 
 
 class Export:
     """The part and the drawing of a scene as files, with sentences about what was not taken as it is."""
 
     def __init__(self, context):
-        """Reads the scene. Raises Trouble with what is missing or wrong."""
+        """Reads the scene. Raises InputTrouble with what is missing or wrong."""
         settings = context.scene.isomark
         items = [entry.item for entry in settings.drawings if entry.item is not None]
         frame = drawing.frame_of(settings.frame, context)
@@ -87,6 +88,8 @@ class Run:
     def __init__(self, context, export=None):
         """Exports and starts. Raises Trouble."""
         self.export = export or Export(context)
+        # Its name, because undo replaces the scene itself.
+        self._scene = context.scene.name
         found, settings_file = find_program(context), path_of(preferences(context).station)
         folder = _work_folder()
         place, pattern = folder / f"{self.export.sku}.glb", folder / f"{self.export.name}.dxf"
@@ -95,6 +98,7 @@ class Run:
             self._on_part.unlink(missing_ok=True)
             place.write_bytes(self.export.part)
             pattern.write_bytes(self.export.drawing)
+            (folder / "out").mkdir(exist_ok=True)
         except OSError as error:
             raise Trouble(f"Cannot write to {folder}: {error.strerror}.", "Free space on the disk.") from error
         # Its own cache: a trial must not replace the surface that a station keeps for this product.
@@ -104,7 +108,6 @@ class Run:
             arguments += ["--anchor", "origin"]
         if settings_file:
             arguments += ["--station", settings_file]
-        (folder / "out").mkdir(exist_ok=True)
         self.cancelled = False
         self._child = program.Child(found, arguments, _RUN_LIMIT_S)
 
@@ -112,17 +115,29 @@ class Run:
         """Whether the child process has ended. Raises Trouble after the time limit."""
         return self._child.poll() is not None
 
-    def finish(self, context):
-        """Waits, then shows the mark and the values. Raises Trouble with isomark's reason."""
+    @property
+    def scene(self):
+        """The scene that it was started for; None if that was removed or renamed."""
+        return bpy.data.scenes.get(self._scene)
+
+    def finish(self):
+        """Waits, then shows the mark and the values in the scene that it was started for.
+
+        Raises InputTrouble with isomark's reason, and Trouble if there is no result or no scene for it.
+        """
         report = program.result(self._child.wait())
         try:
             data = self._on_part.read_bytes()
         except OSError as error:
             raise Trouble("isomark did not write the mark on the part.", "Install the newest isomark.") from error
         on_part = glb.read_on_part(data)
-        _last_glb[context.scene.name] = on_part
-        mark.show(context.scene, on_part, context.scene.isomark)
-        context.scene.isomark.outcome = json.dumps(_outcome(report, self.export))
+        scene = self.scene
+        if scene is None:
+            raise Trouble(f"The scene {self._scene} was removed or renamed before the mark was ready.",
+                          "Press Show Mark on Part again.")
+        _last_glb[scene.name] = on_part
+        mark.show(scene, on_part, scene.isomark)
+        scene.isomark.outcome = json.dumps(_outcome(report, self.export))
 
     def end(self):
         """Ends the child process."""
@@ -137,9 +152,18 @@ def show_again(context):
 
 
 def note(scene, trouble):
-    """Shows the trouble in the panel, and removes the mark: it is that of an earlier drawing."""
-    mark.clear(scene)
-    scene.isomark.outcome = json.dumps({"what": trouble.what, "remedy": trouble.remedy})
+    """Shows the trouble in the panel of a scene (None for one that is gone). Returns whether this changed the scene.
+
+    A drawing that cannot be corrected removes the mark, which is that of an earlier one; a program that is missing does not.
+    """
+    if scene is None:
+        return False
+    outcome = json.dumps({"what": trouble.what, "remedy": trouble.remedy})
+    is_changed = scene.isomark.outcome != outcome
+    scene.isomark.outcome = outcome
+    if isinstance(trouble, InputTrouble):
+        is_changed = mark.clear(scene) or is_changed
+    return is_changed
 
 
 def _outcome(report, export):
@@ -164,7 +188,11 @@ def _outcome(report, export):
 def _work_folder():
     global _folder
     if _folder is None or not _folder.is_dir():
-        _folder = Path(tempfile.mkdtemp(prefix="isomark-"))
+        try:
+            _folder = Path(tempfile.mkdtemp(prefix="isomark-"))
+        except OSError as error:
+            raise Trouble(f"Cannot create a temporary folder: {error.strerror or error}.",
+                          "Free space on the disk, or choose another folder under Preferences > File Paths > Temporary Files.") from error
     return _folder
 
 

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
 
-from . import drawing, mark, part, session, wrap
+from . import drawing, live, mark, part, session, wrap
 
 
 def _is_part(_, item):
@@ -23,9 +23,12 @@ def _show_again(_, context):
     session.show_again(context)
 
 
-def _live(self, _):
-    from . import live
-    live.switch(self.isomark_live)
+def _is_live(_):
+    return live.is_on(bpy.context.scene)
+
+
+def _switch_live(_, on):
+    live.switch(bpy.context.scene, on)
 
 
 class IsomarkDrawing(bpy.types.PropertyGroup):
@@ -86,7 +89,8 @@ def register():
         bpy.utils.register_class(one)
     bpy.types.Scene.isomark = PointerProperty(type=IsomarkScene)
     bpy.types.WindowManager.isomark_live = BoolProperty(
-        name="Live", update=_live, description="Corrects again whenever the part, the drawing or the frame changes")
+        name="Live", get=_is_live, set=_switch_live,
+        description="Corrects again whenever the part, the drawing or the frame of this scene changes")
 
 
 def unregister():

@@ -11,6 +11,10 @@ class Trouble(Exception):
         self.remedy = remedy
 
 
+class InputTrouble(Trouble):
+    """A Trouble of the part, the drawing or the frame: they cannot be corrected as they are."""
+
+
 def of_system(action, path, error):
     """The Trouble for an OSError: `action` is what failed, such as "write"."""
     text = error.strerror or str(error)

@@ -155,6 +155,22 @@ class Modified(SceneTest):
         bpy.ops.object.mode_set(mode="EDIT")
         self.assertEqual(self.check(text, 0.002).notices, [])
 
+    def test_a_curve_has_a_body_only_if_the_view_shows_one(self):
+        item, bevel = self.drawing(), self.drawing()
+        self.modify(item, "CAST")
+        data = item.data
+        for mode in ("ROUND", "OBJECT", "PROFILE"):
+            for data.extrude, data.bevel_depth in ((0, 0), (0, 1), (1, 0)):
+                for data.bevel_object in (None, bevel):
+                    data.bevel_mode = mode
+                    bpy.context.view_layer.update()
+                    shown, mesh = evaluated(item)
+                    has_faces = len(mesh.polygons) > 0
+                    shown.to_mesh_clear()
+                    notices = " ".join(read(item).notices)
+                    for sentence in ("bevel and extrusion are ignored", "Remove its bevel and extrusion"):
+                        self.assertEqual(sentence in notices, has_faces, (mode, data.extrude, data.bevel_depth, data.bevel_object))
+
     def test_a_modifier_that_cannot_be_applied_is_named(self):
         item = self.drawing()
         self.modify(item, "CAST")
@@ -273,6 +289,110 @@ class Parts(SceneTest):
 
 
 class Followed(SceneTest):
+    def shown(self):
+        """A drawing on the mouse, with its mark shown."""
+        mouse = Mouse()
+        item, = bench.drawings(mouse.frame_matrix)[3:4]
+        self.use(mouse.part(), [item], bench.frame_at(mouse.frame_matrix))
+        bpy.ops.isomark.show()
+        self.assertTrue(self.mark())
+        return item
+
+    def mark(self, scene=None):
+        """The object that shows the mark."""
+        return addon("mark").find(scene or bpy.context.scene, "mark")
+
+    def test_a_missing_program_or_folder_and_the_time_limit_keep_the_mark(self):
+        self.shown()
+        live, session, right = addon("live"), addon("session"), self.preferences.program
+        self.preferences.program = str(self.folder / "not-there")
+        self.assertRaisesRegex(RuntimeError, "not-there", bpy.ops.isomark.show)
+        self.assertTrue(self.mark())
+        self.preferences.program = right
+        session.end()
+        with mock.patch.object(session.tempfile, "mkdtemp", side_effect=PermissionError(13, "Permission denied")):
+            self.assertRaisesRegex(RuntimeError, "Cannot create a temporary folder: Permission denied", bpy.ops.isomark.show)
+        with mock.patch.object(session, "_RUN_LIMIT_S", -1):
+            self.assertRaisesRegex(RuntimeError, "did not finish", bpy.ops.isomark.show)
+            self.assertTrue(self.mark())
+            self.settings.outcome = ""
+            bpy.context.window_manager.isomark_live = True
+            self.addCleanup(live.stop)
+            bench.until(lambda: live._tick() and self.settings.outcome)
+            # The ended child is not asked again, and the button works.
+            self.assertIsNone(session.run)
+            self.assertTrue(live._tick())
+        self.assertTrue(self.mark())
+
+    def test_a_removed_mark_can_be_undone(self):
+        self.shown()
+        bpy.ops.ed.undo_push(message="shown")
+        self.settings.drawings[0].item.hide_set(True)
+        bpy.ops.ed.undo_push(message="hidden")
+        with self.assertRaisesRegex(RuntimeError, "is hidden"):
+            bpy.ops.isomark.show("EXEC_DEFAULT", True)
+        self.assertIsNone(self.mark())
+        bpy.ops.ed.undo()
+        self.assertTrue(self.mark())
+        # The step before this one is still there.
+        self.assertFalse(self.settings.drawings[0].item.visible_get())
+
+    def test_live_and_a_run_keep_to_the_scene_that_they_were_started_for(self):
+        self.shown()
+        live, session, first = addon("live"), addon("session"), bpy.context.scene
+        second = bpy.data.scenes.new("Second")
+        kept = bpy.data.objects.new("isomark", bpy.data.curves.new("isomark", "CURVE"))
+        kept[addon("mark")._TAG] = "mark"
+        second.collection.objects.link(kept)
+        manager = bpy.context.window_manager
+        first.isomark.outcome = ""
+        manager.isomark_live = True
+        self.addCleanup(live.stop)
+        bench.until(lambda: live._tick() and live._current)
+        bpy.context.window.scene = second
+        self.assertFalse(manager.isomark_live)
+        bench.until(lambda: live._tick() and first.isomark.outcome)
+        self.assertIn("length_mm", json.loads(first.isomark.outcome))
+        for _ in range(4):
+            live._tick()
+        self.assertEqual((self.mark(second), second.isomark.outcome), (kept, ""))
+        bpy.context.window.scene = first
+        self.assertTrue(manager.isomark_live)
+        # A run by the button, too.
+        addon("mark").clear(first)
+        run = session.Run(bpy.context)
+        bpy.context.window.scene = second
+        bench.until(run.poll)
+        run.finish()
+        self.assertTrue(self.mark(first))
+        self.assertEqual((len(kept.data.splines), second.isomark.outcome), (0, ""))
+        # Live does not go on in another scene.
+        run = session.Run(bpy.context, run.export)
+        run._scene = "gone"
+        self.assertIn("removed or renamed", self.trouble(run.finish).what)
+        bpy.data.scenes.remove(first)
+        self.assertIsNone(live._tick())
+        self.assertEqual((live._scene, self.mark(second)), (None, kept))
+
+    def test_live_notices_what_is_hidden(self):
+        item, live = self.shown(), addon("live")
+        box = bpy.data.collections.new("box")
+        bpy.context.scene.collection.children.link(box)
+        box.objects.link(item)
+        bpy.context.scene.collection.objects.unlink(item)
+        bpy.context.view_layer.update()
+        shelf = bpy.context.view_layer.layer_collection.children["box"]
+        hiders = [one.hide_set for one in (item, self.settings.frame, self.settings.part)]
+        hiders.append(lambda is_hidden: setattr(shelf, "hide_viewport", is_hidden))
+        bpy.context.window_manager.isomark_live = True
+        self.addCleanup(live.stop)
+        for hide in hiders:
+            bench.until(lambda: live._tick() and live._current is None and self.mark())
+            hide(True)
+            bench.until(lambda: live._tick() and not self.mark())
+            self.assertIn("is hidden", json.loads(self.settings.outcome)["what"])
+            hide(False)
+
     def test_a_mark_goes_with_its_drawing_and_follows_the_unit_of_the_scene(self):
         live, mouse = addon("live"), Mouse()
         item, = bench.drawings(mouse.frame_matrix)[3:4]
