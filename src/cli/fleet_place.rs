@@ -25,7 +25,7 @@ pub(super) struct Place {
     pub(super) certificate: Option<PathBuf>,
 }
 
-/// The name of a line, as `lines` under [fleet] may have it.
+/// The name of a line, as `lines` under `[fleet]` may have it.
 pub(super) fn parse_line(text: &str) -> Result<String, String> {
     if FleetSettings::is_name(text) { Ok(text.into()) } else { Err(FleetSettings::name_remedy()) }
 }
