@@ -194,7 +194,8 @@ fn drawings_that_are_not_on_the_part() {
         &[
             "no surface to mark",
             "too steep to be measured (over 75 deg)",
-            "abc.dxf, at (33.000, 0.000) mm",
+            // Near the rim, whose radius is 33 mm.
+            "abc.dxf, at (32.",
             "`facing`",
         ],
     );
