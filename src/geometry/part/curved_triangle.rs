@@ -594,14 +594,16 @@ mod tests {
                 [[0.0, 0.0], [10.0, 3.0], [10.0, 3.0 + width]],
             ] {
                 let corners = corners.map(|[x, y]| on_curve(x, y));
-                let patch =
-                    CurvedTriangle::new(corners.map(|corner| corner.0), corners.map(|corner| corner.1));
-                let (mut off, mut tilt) = (0.0f64, 0.0f64);
-                for (point, normal) in patch.grid() {
-                    off = off.max((point.z - height(point.x)).abs());
-                    tilt = tilt.max(normal.angle(&on_curve(point.x, point.y).1));
+                for facing in [1.0, -1.0] {
+                    let normals = corners.map(|corner| corner.1 * facing);
+                    let patch = CurvedTriangle::new(corners.map(|corner| corner.0), normals);
+                    let (mut off, mut tilt) = (0.0f64, 0.0f64);
+                    for (point, normal) in patch.with_even_slopes(normals).grid() {
+                        off = off.max((point.z - height(point.x)).abs());
+                        tilt = tilt.max(normal.angle(&on_curve(point.x, point.y).1));
+                    }
+                    assert!(off < 1e-4 && tilt < 1e-3, "{width} mm, {facing}: {off} mm, {tilt} rad");
                 }
-                assert!(off < 1e-4 && tilt < 1e-3, "{width} mm: {off} mm, {tilt} rad");
             }
         }
     }
