@@ -149,10 +149,10 @@ impl SmoothMesh {
         Some(&self.cones[at].1)
     }
 
-    /// At least the largest bulge of the patch over a triangle, mm; infinite where that takes as long as the patch.
+    /// At least the largest bulge of the patch over a triangle, mm; infinite where the normals turn much.
     pub(super) fn most_bulge(&self, triangle: usize) -> f64 {
         if self.creases_of(triangle).next().is_some() {
-            return f64::INFINITY;
+            return self.patch(triangle).largest_bulge();
         }
         let (corners, normals) = self.corners(triangle);
         CurvedTriangle::most_bulge(corners, normals)
