@@ -421,9 +421,9 @@ fn middle_of_turns(
 /// the `uneven` height at its first handle than in their mean, and as much lower at its last one.
 ///
 /// The slope across a side changes evenly from one end of it to the other, as in the reduced triangle of Clough & Tocher (Ciarlet, The
-/// Finite Element Method for Elliptic Problems, 1978, section 6.1). Each side asks for a middle point of its own; each of them counts by the squares of the
-/// slopes that it would have with another one. Patches of an extruded curve of the third degree are exact; without this, narrow ones between long
-/// sides would fold.
+/// Finite Element Method for Elliptic Problems, 1978, section 6.1). Each side asks for a middle point of its own, and counts by the
+/// square of the slope across it that another one would add. The narrower a patch between long sides is, the closer it follows an
+/// extruded curve of the third degree; without this, it would fold. A wide one is about as far from it as that of quadratics.
 fn height_of_bends(corners: [Point3<f64>; 3], uneven: [f64; 3]) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     for side in 0..3 {
