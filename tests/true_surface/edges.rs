@@ -156,6 +156,98 @@ fn the_parting_line_of_a_drafted_part_is_an_edge() {
     check("can", &round);
 }
 
+/// A box with rounded corners, drafted by half an angle on both sides of its parting line at x = 0, as its facets only: 60 x 40 x 30 mm, with
+/// corners of R 4 that are cut into so many chords.
+fn drafted_box(degrees: f64, chords: u32) -> TriMesh {
+    let slope = (degrees.to_radians() / 2.0).tan();
+    let section = |x: f64| {
+        let half = [20.0, 15.0].map(|half| half - x.abs() * slope - 4.0);
+        (0..4u32).flat_map(move |corner| {
+            (0..=chords).map(move |chord| {
+                let angle = PI / 2.0 * (f64::from(corner) + f64::from(chord) / f64::from(chords));
+                let sign = |up: [u32; 2]| if up.contains(&corner) { 1.0 } else { -1.0 };
+                let [y, z] = [half[0] * sign([0, 3]), half[1] * sign([0, 1])];
+                Point3::new(x, y + 4.0 * angle.cos(), z + 4.0 * angle.sin())
+            })
+        })
+    };
+    let points: Vec<_> = [-30.0, 0.0, 30.0].into_iter().flat_map(section).collect();
+    let around = 4 * (chords + 1);
+    let sides = (0..2).flat_map(|row| (0..around).map(move |at| (row * around, at))).flat_map(|(row, at)| {
+        let next = (at + 1) % around;
+        let [a, b, c, d] = [row + at, row + next, row + around + next, row + around + at];
+        [[a, b, c], [a, c, d]]
+    });
+    let ends = (1..around - 1).flat_map(|at| {
+        let last = 2 * around;
+        [[0, at + 1, at], [last, last + at, last + at + 1]]
+    });
+    bare(points, sides.chain(ends).collect())
+}
+
+/// Flat sides that meet at up to 2 degrees may be a curved one that is cut once: that is all that is not known of them.
+#[test]
+fn little_is_open_beside_the_parting_line_of_facets() {
+    let mut failures = Vec::new();
+    for (degrees, chords) in [(0.5, 5), (0.5, 7), (1.0, 4), (1.0, 7), (1.5, 7), (2.0, 7)] {
+        let part = with_separate_vertices(&drafted_box(degrees, chords));
+        let surface = FittedSurface::of_part(&FacingPart::new(&part, &View::top()), &FitOptions::default());
+        let slope = (f64::to_radians(degrees) / 2.0).tan();
+        let of = judged(&surface.unwrap(), |x, _| 15.0 - x.abs() * slope);
+        let ([reported, truth], length) = (of.map(|of| of.length_error), of[1].length);
+        let open = 2.0 * slope * slope * length;
+        if truth > reported + SLACK[0] || reported > 1.5 * truth + open {
+            failures.push(format!("{degrees} degrees, {chords} chords: {truth} is reported as {reported}"));
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// An extruded strip, 60 mm long, with rows of vertices at these places of its profile.
+fn extruded(columns: &[f64], height: impl Fn(f64) -> f64) -> TriMesh {
+    let width = u32::try_from(columns.len()).unwrap();
+    let row = |y: f64| columns.iter().map(move |&x| (x, y)).collect::<Vec<_>>();
+    let points = [-30.0, 30.0].into_iter().flat_map(row).map(|(x, y)| Point3::new(x, y, height(x)));
+    let triangles =
+        (1..width).flat_map(|at| [[at - 1, at, at + width], [at - 1, at + width, at + width - 1]]);
+    bare(points.collect(), triangles.collect())
+}
+
+/// Programs that measure how far the middles of chords are off leave the chord between the bends of an S-shaped curve long, as one facet
+/// or two: nothing in the file but the bends shows that it is not flat.
+#[test]
+fn the_middle_of_a_double_bend_is_not_taken_for_a_flat_side() {
+    type Profile = fn(f64) -> f64;
+    fn step(x: f64, height: f64, half: f64) -> f64 {
+        let share = ((x + half) / (2.0 * half)).clamp(0.0, 1.0);
+        height * share * share * (3.0 - 2.0 * share)
+    }
+    let profiles: [(&str, Profile, &[f64]); 5] = [
+        ("step of 3 chords on a side", |x| step(x, 1.8, 8.5), &[4.25, 6.375, 8.5, 30.0]),
+        ("step of 2 chords on a side", |x| step(x, 2.0, 12.8), &[6.4, 12.8, 30.0]),
+        ("step of many chords", |x| step(x, 2.5, 16.0), &[5.0, 7.0, 9.0, 11.0, 13.0, 16.0, 30.0]),
+        ("sine", |x| 2.0 * (x / 7.0).sin(), &[5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0]),
+        ("long sine", |x| 3.0 * (x / 9.0).sin(), &[7.0, 10.0, 13.0, 16.0, 19.0, 22.0, 26.0, 30.0]),
+    ];
+    let mut failures = Vec::new();
+    for (name, height, half) in profiles {
+        for middle in [&[][..], &[0.0]] {
+            let left = half.iter().rev().map(|x| -x);
+            let columns: Vec<f64> = left.chain(middle.iter().copied()).chain(half.iter().copied()).collect();
+            let part = with_separate_vertices(&extruded(&columns, height));
+            let surface =
+                FittedSurface::of_part(&FacingPart::new(&part, &View::top()), &FitOptions::default());
+            let of = judged(&surface.unwrap(), |x, _| height(x));
+            let [reported, truth] = of.map(|of| of.length_error);
+            if truth > reported + SLACK[0] || reported > 5.0 * truth {
+                let facets = 1 + middle.len();
+                failures.push(format!("{name}, {facets} facets: {truth} is reported as {reported}"));
+            }
+        }
+    }
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
 #[test]
 fn heights_on_mitred_fillets_are_accurate_or_cause_a_warning() {
     let surface = FittedSurface::of_part(

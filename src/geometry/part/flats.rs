@@ -123,7 +123,7 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
         {
             continue;
         }
-        let flat = planes.normals[widest];
+        let flat = span.flat(planes);
         let leaning = derived.filter(|derived| {
             let angle = derived.angle(&flat);
             let bulges = |times: f64| angle * span.width > times * span.turn * span.narrowest;
@@ -138,7 +138,11 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
             continue;
         }
         // Of the two triangles of a bent quadrilateral, as in the flat side of a twisted prism, neither is the side.
-        if leaning.is_none() && estimated.straight[vertex] && span.has_like && !planes.are_divided[widest] {
+        if leaning.is_none()
+            && estimated.straight[vertex]
+            && span.like.is_some()
+            && !planes.are_divided[widest]
+        {
             continue;
         }
         is_flat[widest] |= leaning.is_none();
@@ -246,8 +250,21 @@ struct Span {
     turn: f64,
     /// Whether another plane is much narrower, see [`UNEVEN`].
     is_uneven: bool,
-    /// Whether another plane is about as wide, see [`LIKE`].
-    has_like: bool,
+    /// The widest other plane that is about as wide, see [`LIKE`].
+    like: Option<u32>,
+}
+
+impl Span {
+    /// The normal of the flat side at the vertex: that of its widest plane, or between two flat sides that turn by less than the error of
+    /// a normal that the narrow facets lead to, the mean of both.
+    fn flat(&self, planes: &Planes) -> Vector3<f64> {
+        let normal = planes.normals[self.widest as usize];
+        let is_flat = |plane: &u32| planes.are_divided[*plane as usize];
+        let like = self.like.filter(|like| is_flat(like) && is_flat(&self.widest));
+        let other = like.map(|like| planes.normals[like as usize]);
+        let other = other.filter(|other| other.angle(&normal) < MIN_LEAN_OF_SURROUNDED * self.turn);
+        other.map_or(normal, |other| (normal + other).normalize())
+    }
 }
 
 /// The spans of the vertices of planes.
@@ -276,7 +293,7 @@ impl Spans {
                     widest: plane,
                     turn: 0.0,
                     is_uneven: false,
-                    has_like: false,
+                    like: None,
                 });
                 numbers[vertex] = spans.len() as u32;
                 continue;
@@ -294,7 +311,11 @@ impl Spans {
             if plane != span.widest {
                 let angle = planes.normals[plane as usize].angle(&planes.normals[span.widest as usize]);
                 span.turn = span.turn.max(angle);
-                span.has_like |= span.width < LIKE * planes.widths[plane as usize];
+                let width = |plane: u32| planes.widths[plane as usize];
+                if span.width < LIKE * width(plane) && span.like.is_none_or(|like| width(plane) > width(like))
+                {
+                    span.like = Some(plane);
+                }
                 // Without rounding, what is in one plane is one facet.
                 if mesh.rounding == 0.0 {
                     span.is_uneven = span.width > UNEVEN * span.narrowest;

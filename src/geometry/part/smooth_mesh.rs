@@ -62,6 +62,9 @@ pub(super) const MOST_BEND: f64 = 0.75;
 /// A facet turns notably along a direction if it turns by at least this share of its largest turn.
 const NOTABLE_TURN: f64 = 0.3;
 
+/// Triangles of a flat side among which one is looked for beside which the part turns.
+const MOST_OF_FLAT: usize = 16;
+
 /// Normals that turn by less than this, rad, are those of a flat triangle.
 const FLAT_TURN: f64 = 1e-6;
 
@@ -93,6 +96,8 @@ pub struct SmoothMesh {
     /// Edges of the part that only the facets or exact normals show: one entry for each of the two sides, in ascending order of
     /// the sides.
     pub(super) creases: Vec<Crease>,
+    /// The triangles beside edges that may be corners of arcs (`hidden_arcs`), in ascending order, each with the unit direction of the edge.
+    pub(super) beside_arcs: Vec<(u32, Vector3<f64>)>,
     /// The triangles that are facets of a cone, in ascending order, each with the cone, which is the part there: the curved patch is
     /// only near it.
     pub(super) cones: Vec<(u32, Cone)>,
@@ -189,18 +194,40 @@ impl SmoothMesh {
         turning.map(|(reach, _)| *reach).fold(0.0, f64::max)
     }
 
-    /// How far a flat triangle reaches along the direction in which its neighbours turn most, mm; `None` if they do not turn.
+    /// How far a flat triangle reaches along the direction in which the part may turn beside the flat side that it belongs to, mm: across
+    /// the edge of a hidden arc, or along the turn to the neighbours of the nearest triangle of that side which has any; `None` if there are
+    /// none.
     fn reach_between(&self, triangle: usize) -> Option<f64> {
         let corners = self.corners(triangle).0;
         let normal = facet_normal(corners);
         let turn = |side: usize| {
-            let other = self.continued.get(3 * triangle + side).copied().unwrap_or(NONE);
+            let other = self.continued.get(side).copied().unwrap_or(NONE);
             let beyond = (other != NONE).then(|| facet_normal(self.corners(other as usize / 3).0));
             beyond.map_or(Vector3::zeros(), |beyond| beyond - normal * beyond.dot(&normal))
         };
-        let turn =
-            [0, 1, 2].map(turn).into_iter().max_by(|one, other| one.norm().total_cmp(&other.norm()))?;
-        let direction = turn.try_normalize(FLAT_TURN)?;
+        let direction_at = |triangle: usize| {
+            let arc = self.beside_arcs.binary_search_by_key(&(triangle as u32), |&(beside, _)| beside);
+            if let Ok(arc) = arc {
+                return self.beside_arcs[arc].1.cross(&normal).try_normalize(FLAT_TURN);
+            }
+            let turns = [0, 1, 2].map(|side| turn(3 * triangle + side));
+            let most = turns.into_iter().max_by(|one, other| one.norm().total_cmp(&other.norm()))?;
+            most.try_normalize(FLAT_TURN)
+        };
+        let (mut flat, mut next) = (vec![triangle], 0);
+        let direction = loop {
+            let here = *flat.get(next)?;
+            if let Some(direction) = direction_at(here) {
+                break direction;
+            }
+            next += 1;
+            let beyond = self.continued.get(3 * here..3 * here + 3).unwrap_or(&[]);
+            for other in beyond.iter().filter(|&&other| other != NONE).map(|&other| other as usize / 3) {
+                if flat.len() < MOST_OF_FLAT && !flat.contains(&other) {
+                    flat.push(other);
+                }
+            }
+        };
         let along = corners.map(|corner| corner.coords.dot(&direction));
         Some(along.into_iter().fold(f64::MIN, f64::max) - along.into_iter().fold(f64::MAX, f64::min))
     }

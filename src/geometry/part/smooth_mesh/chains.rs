@@ -45,12 +45,44 @@ const STEADY: f64 = 1.3;
 const EVEN_BEND: f64 = 0.15;
 /// Unless wide and narrow sides take turns: the one are so many times as long as the other.
 const IN_TURN: f64 = 1.5;
+/// A straight side is divided into at most so many pieces, …
+const MOST_PIECES: usize = 8;
+/// … which turn by less than this, rad.
+const STRAIGHT: f64 = 1e-3;
 /// At so many vertices in a row, on average beyond both ends, a curve bends that is no fillet of one facet.
 const BENDING: usize = 3;
 /// CAD programs cut an arc into facets that turn by at most twice this, rad.
 const MOST_LEAN: f64 = 0.25;
 /// Neighbours of a vertex among which its ring is looked for.
 const MOST_NEIGHBOURS: usize = 64;
+
+/// The error of the slope of a cubic over a chord, root mean square, with these errors of its slope at both ends, rad: positive where the
+/// normal leans away from the chord too little.
+pub(super) fn of_cubic(first: f64, last: f64) -> f64 {
+    ((2.0 * (first * first + last * last) + first * last) / 15.0).sqrt()
+}
+
+/// A straight line up to where it ends in a bend.
+struct Straight {
+    /// The vertex at its end, and the one beyond.
+    end: u32,
+    beyond: u32,
+    /// How much the curve turns at its end, rad.
+    turn: f64,
+    /// mm.
+    length: f64,
+}
+
+/// How a curve bends beyond the end of a straight line.
+struct Bend {
+    /// How far the normal at the end leans from the line, rad: what a known arc leaves of the turn there, or the lean of a circle through
+    /// the vertices.
+    lean: f64,
+    /// At how many vertices it bends that way, up to twice [`BENDING`].
+    count: usize,
+    /// Whether the turn at the end is larger than that of an arc which begins there.
+    leaves_tangent: bool,
+}
 
 /// The curves that the sides of a mesh are chords of.
 pub(super) struct Chains<'a> {
@@ -101,8 +133,7 @@ impl<'a> Chains<'a> {
         let leans = [self.lean_at(ends[0], ends[1]), self.lean_at(ends[1], ends[0])];
         let error = |lean: f64| {
             let [first, last] = leans.map(|known| lean - known);
-            // The slope of a cubic with these errors of its slope at both ends.
-            ((2.0 * (first * first + last * last) + first * last) / 15.0).sqrt()
+            of_cubic(first, last)
         };
         let ways = [[ends[1], ends[0]], [ends[0], ends[1]]];
         match ways.map(|way| self.lean_of_arc(way)) {
@@ -134,46 +165,68 @@ impl<'a> Chains<'a> {
     }
 
     /// The error of the slope over a side that is taken for a straight one, rad, root mean square, if smooth curves without known arcs
-    /// bend on beyond both ends, one way at one and the other way at the other: a flat side leads from one fillet to another, and
-    /// so does the bend of a spline. 0 for others.
+    /// bend on beyond both ends, one way at one and the other way at the other, at several vertices or by more than what is beyond can
+    /// explain: a flat side leads from one fillet to another, and so does the bend of a spline. 0 for others.
     pub(super) fn doubt_of_straight(&self, ends: [u32; 2]) -> f64 {
         let is_extruded = self.is_across_rulings(ends);
         if !is_extruded && !self.is_along_profile(ends) {
             return 0.0;
         }
-        let ways = [[ends[1], ends[0]], [ends[0], ends[1]]];
-        let [Some((first, few)), Some((last, others))] = ways.map(|way| self.bends_on(way)) else {
-            return 0.0;
-        };
-        if first * last >= 0.0 || few + others < 2 * BENDING {
+        let Some([one, other]) = self.bends_beside(ends) else { return 0.0 };
+        let is_curve = one.count + other.count >= 2 * BENDING || one.leaves_tangent && other.leaves_tangent;
+        if one.lean * other.lean >= 0.0 || !is_curve {
             return 0.0;
         }
-        let error = ((2.0 * (first * first + last * last) + first * last) / 15.0).sqrt();
+        let error = of_cubic(one.lean, other.lean);
         if is_extruded { error } else { OF_TURNED * error }
     }
 
-    /// By how much the normal leans from a side at its second end, rad, and at how many vertices, up to twice [`BENDING`], the curve
-    /// beyond bends that way. It is what a known arc leaves of the turn, or the lean of a circle through the vertices; `None` where the
-    /// curve ends, or the arc is tangent to the side.
-    fn bends_on(&self, [from, end]: [u32; 2]) -> Option<(f64, usize)> {
-        let beyond = self.straight_on(from, end)?;
-        let turn = self.turn_at(end, [from, beyond]);
-        let (here, next) = (self.distance([from, end]), self.distance([end, beyond]));
-        let (mut side, mut count) = ([end, beyond], 1);
+    /// The bends at both ends of the straight line that a side is part of.
+    fn bends_beside(&self, ends: [u32; 2]) -> Option<[Bend; 2]> {
+        let [back, ahead] = [[ends[1], ends[0]], ends].map(|way| self.to_bend(way));
+        let (back, ahead) = (back?, ahead?);
+        // Both reach over the side itself.
+        let length = back.length + ahead.length - self.distance(ends);
+        Some([self.bend_at(&back, length)?, self.bend_at(&ahead, length)?])
+    }
+
+    /// The last piece of a straight line from a side on.
+    fn to_bend(&self, [mut from, mut end]: [u32; 2]) -> Option<Straight> {
+        let mut length = self.distance([from, end]);
+        for _ in 0..MOST_PIECES {
+            let beyond = self.straight_on(from, end)?;
+            let turn = self.turn_at(end, [from, beyond]);
+            if turn.abs() > STRAIGHT {
+                return Some(Straight { end, beyond, turn, length });
+            }
+            (from, end) = (end, beyond);
+            length += self.distance([from, end]);
+        }
+        None
+    }
+
+    /// The bend at the end of a straight line of such a length, mm; `None` where the curve ends, or the arc is tangent to it.
+    fn bend_at(&self, straight: &Straight, length: f64) -> Option<Bend> {
+        let Straight { end, beyond, turn, .. } = *straight;
+        let mut side = [end, beyond];
         let lean = match self.lean_of_arc(side) {
             Some(of_arc) => turn - of_arc,
-            None => turn * here / (here + next),
+            None => turn * length / (length + self.distance(side)),
         };
         if lean * turn <= NOT_FLAT * turn * turn {
             return None;
         }
+        let (mut count, mut leaves_tangent) = (1, false);
         while count < 2 * BENDING
             && let Some(after) = self.straight_on(side[0], side[1])
-            && self.turn_at(side[1], [side[0], after]) * turn > 0.0
+            && let next = self.turn_at(side[1], [side[0], after])
+            && next * turn > 0.0
         {
+            // The normals of the arc over the next side lean as much at its end as here.
+            leaves_tangent |= count == 1 && (turn - next) * turn > NOT_FLAT * turn * turn;
             (side, count) = ([side[1], after], count + 1);
         }
-        Some((lean, count))
+        Some(Bend { lean, count, leaves_tangent })
     }
 
     /// Whether the arc of a side ends at its second end, and what is beyond is not known: the border of the smooth side, or a

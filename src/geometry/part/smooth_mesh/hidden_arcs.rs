@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use super::chains::{EVENLY_CUT, NOT_FLAT};
+use super::chains::{EVENLY_CUT, NOT_FLAT, of_cubic};
 use super::creases::{Facing, are_of_regular_prism};
 use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal};
@@ -105,6 +105,12 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
             let of_side = triangles.iter().map(|&triangle| HiddenArc { triangle, doubt, edge: along });
             arcs.extend(of_side);
         }
+        for way in [0, 1] {
+            if let Some(doubt) = of_double_bend(turned, &beside, way) {
+                let flat = beside[way].triangles[0].iter();
+                arcs.extend(flat.map(|&triangle| HiddenArc { triangle, doubt, edge: along }));
+            }
+        }
         let is_flat = starts_flat || beside.iter().any(|beside| beside.is_flat(turned / 2.0));
         if !goes_on || !is_even || is_flat || turned.abs() > MOST_TURN {
             continue;
@@ -128,6 +134,43 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
         }
     }
     arcs
+}
+
+/// The triangles of some arcs, in ascending order, each with the direction of an edge beside it.
+pub(super) fn directions(arcs: &[HiddenArc]) -> Vec<(u32, Vector3<f64>)> {
+    let mut directions: Vec<_> = arcs.iter().map(|arc| (arc.triangle as u32, arc.edge)).collect();
+    directions.sort_by_key(|&(triangle, _)| triangle);
+    directions.dedup_by_key(|&mut (triangle, _)| triangle);
+    directions
+}
+
+/// A side between two curves that bend opposite ways may be their common tangent, or the long chord of an S-shaped curve: programs that
+/// measure how far the middle of a chord is off find nothing there. The error of the slope of the side on this `way` of an edge that
+/// `turned`, rad, if the curves do not leave it as a tangent, rad, root mean square.
+fn of_double_bend(turned: f64, beside: &[Beside; 2], way: usize) -> Option<f64> {
+    let (side, curve) = (&beside[way], &beside[1 - way]);
+    // Sections on the two sides of the edge run opposite ways.
+    let ahead = if way == 0 { -1.0 } else { 1.0 };
+    let near = -ahead * curve.turn?;
+    let [far, after_far] = [ahead * side.turn?, ahead * side.turn_beyond?];
+    let bends_on = |turn: f64, next: f64| turn * next > 0.0;
+    // The normals of an arc lean as much at both of its ends.
+    let leaves_tangent = |turn: f64, next: f64| (turn - next) * turn > NOT_FLAT * turn * turn;
+    let is_curve = curve.turn_beyond.is_some_and(|after| bends_on(near, -ahead * after))
+        || leaves_tangent(turned, near) && leaves_tangent(far, after_far);
+    let is_double = bends_on(turned, near) && bends_on(far, after_far) && far * turned < 0.0;
+    if !is_curve || !is_double || turned.abs().max(far.abs()) > MOST_TURN {
+        return None;
+    }
+    // What an arc beyond leaves of the turn, or the lean of a circle through the ends of both chords.
+    let lean = |turn: f64, next: f64, [chord, beyond]: [f64; 2]| {
+        let is_evenly_cut = chord <= EVENLY_CUT * beyond && beyond <= EVENLY_CUT * chord;
+        let lean = if is_evenly_cut { turn - next / 2.0 } else { turn * side.length / (side.length + chord) };
+        (lean * turn > NOT_FLAT * turn * turn).then_some(lean)
+    };
+    let first = lean(turned, near, [curve.length, curve.lengths_beyond[0]])?;
+    let last = lean(far, after_far, side.lengths_beyond)?;
+    Some(of_cubic(first, last))
 }
 
 /// The sides of a prism and the chamfers of its edges may be chords of one circle where none of them is wider than those of a round face:

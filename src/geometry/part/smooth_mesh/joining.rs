@@ -304,6 +304,7 @@ impl SmoothMesh {
             has_given_normals,
             rounding: rounding::deviation(mesh.positions()),
             creases: Vec::new(),
+            beside_arcs: hidden_arcs::directions(&hidden),
             cones: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals(fork);
@@ -425,6 +426,7 @@ impl SmoothMesh {
             has_given_normals: false,
             rounding: 0.0,
             creases: Vec::new(),
+            beside_arcs: Vec::new(),
             cones: Vec::new(),
         }
     }

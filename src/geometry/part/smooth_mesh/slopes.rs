@@ -24,7 +24,7 @@ use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
 use super::straightest::{STRAIGHT, Straightest};
-use crate::geometry::adjacency::{NONE, Neighbours, least_width, spread};
+use crate::geometry::adjacency::{NONE, Neighbours, least_width, spread, width};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
 use crate::geometry::curved_triangle::direction_between;
 use crate::geometry::fork::{Fork, found, join, mapped};
@@ -85,7 +85,7 @@ impl SmoothMesh {
     /// For each triangle that faces the laser, how far the slope of the part may be from that of its curved patch, rad, root
     /// mean square; 0 for the others. Empty if all facets are small.
     ///
-    /// It is half the angle between the patch and its neighbours' at the middles of their common sides, that between the patch and
+    /// It is the patch's [share](Self::share_of_turn) of the angle to its neighbours' at the middles of their common sides, that between the patch and
     /// the curve that crosses there, or what the part twists by there, together with the uneven leans of normals, or what the chords
     /// of those that are `estimated` leave open, and the `deviations` of these, rad. `hidden` are the arcs that edges
     /// may be beside vertices that are estimated.
@@ -119,7 +119,13 @@ impl SmoothMesh {
         let (beside, (around, is_at_rim, scatter)) = join(fork, beside, scatter);
         let of_patch = |triangle: usize| beside.get((patches.get(triangle)?.checked_sub(1)?) as usize);
         let straightest = Straightest::of(self, &around);
-        let chains = estimated.contains(&true).then(|| Chains::of(self, &straightest, &is_corner));
+        // A flat side may have vertices of its own between those of the curves beside it.
+        let are_near = estimated.contains(&true).then(|| {
+            let mut are_near = is_corner.clone();
+            spread(&mut are_near, &self.triangles, 1);
+            are_near
+        });
+        let chains = are_near.as_ref().map(|are_near| Chains::of(self, &straightest, are_near));
         let of_sides = |triangle: usize, doubt: &dyn Fn([u32; 2]) -> f64| {
             let corners = self.triangles[triangle];
             let sides = [0, 1, 2].map(|side| [corners[side], corners[(side + 1) % 3]]);
@@ -136,7 +142,8 @@ impl SmoothMesh {
             for (side, normal) in own.normals.iter().enumerate() {
                 let other = self.continued[3 * triangle + side] as usize;
                 let Some(beyond) = of_patch(other / 3) else { continue };
-                let apart = normal.cross(&beyond.normals[other % 3]).norm() / 2.0;
+                let apart = normal.cross(&beyond.normals[other % 3]).norm()
+                    * self.share_of_turn([3 * triangle + side, other]);
                 let of_twist = if is_extruded { 0.0 } else { self.twist_doubt(triangle, side, normal) };
                 squares += apart.max(own.off[side]).max(of_twist).powi(2);
                 count += 1.0;
@@ -164,10 +171,10 @@ impl SmoothMesh {
         let of_bulging = mapped(fork, bulging.len(), |index| doubt(bulging[index], &beside[index]));
         let mut doubts = vec![0.0; self.triangles.len()];
         bulging.iter().zip(of_bulging).for_each(|(&triangle, doubt)| doubts[triangle] = doubt);
-        if let Some(chains) = &chains {
+        if let Some((chains, are_near)) = chains.as_ref().zip(are_near.as_ref()) {
             let is_between = |triangle: usize| {
                 let is_flat = patches[triangle] == 0 && self.faces_laser(triangle);
-                is_flat && self.triangles[triangle].iter().all(|&vertex| is_corner[vertex as usize])
+                is_flat && self.triangles[triangle].iter().all(|&vertex| are_near[vertex as usize])
             };
             for (triangle, doubt) in
                 doubts.iter_mut().enumerate().filter(|(triangle, _)| is_between(*triangle))
@@ -194,6 +201,14 @@ impl SmoothMesh {
             crossings[side].map_or(0.0, |(_, direction)| direction.dot(&normals[side][1]).abs())
         };
         Beside { normals: normals.map(|[middle, _]| middle), off: [0, 1, 2].map(off) }
+    }
+
+    /// The share of the first of two triangles that continue each other, each given by its side there, in the angle between their
+    /// patches: half, or less where it is wider. A common side that is off its place turns the patches in inverse proportion to their
+    /// widths.
+    fn share_of_turn(&self, sides: [usize; 2]) -> f64 {
+        let [here, there] = sides.map(|side| width(self.corners(side / 3).0, side % 3));
+        if here > there { there / (here + there) } else { 0.5 }
     }
 
     /// Where the curve between the corners opposite to a side, in the two triangles that share it, crosses the side, as a share of
