@@ -1,9 +1,10 @@
 //! Fitted surfaces on disk, one folder for each SKU, so that a pattern for a known SKU needs no mesh.
 //!
 //! ```text
-//! <cache>/v32/                one folder for each format version
+//! <cache>/parts/<sku>.toml    the current part of the SKU and when it became it, the same for all versions
+//! <cache>/v35/                one folder for each format version
 //! └── <sku>/
-//!     ├── current.toml        the current part of the SKU
+//!     ├── current.toml        the current part of the SKU, for versions that do not read `parts`
 //!     ├── <key>.fit           a fitted surface: header, BLAKE3 of the body, body
 //!     ├── <key>.mesh          the part's mesh for pictures, in the same form; may be missing
 //!     └── <key>.toml          a summary for people: origin and residual
@@ -21,13 +22,15 @@ use std::collections::BTreeMap;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use fs_err as fs;
 use nalgebra::Vector2;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Sku;
-use crate::files::{read_if_there, write_whole_unsynced, written_at_ms};
+use crate::files::{ms_since_1970, read_if_there, write_whole_or_not, write_whole_unsynced, written_at_ms};
 use crate::formats::mesh::PartFacts;
 use crate::geometry::height_field::{HeightField, Node, Uncertainty};
 use crate::geometry::mark_region::MarkRegion;
@@ -47,6 +50,8 @@ const MESH_MAGIC: &[u8; 12] = b"isomark mesh";
 /// Magic, version, hash of the body.
 const HEADER: usize = MAGIC.len() + 4 + blake3::OUT_LEN;
 const CURRENT: &str = "current.toml";
+/// The folder of the current parts, beside the folders of the versions.
+const PARTS: &str = "parts";
 
 /// A folder of fitted surfaces.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -97,6 +102,28 @@ pub struct PartOrder {
     pub announced_us: i64,
     /// When it was learned, ms since 1970 by the clock of this computer.
     pub learned_ms: u64,
+}
+
+/// The current part of a SKU, and when it became it.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DatedPart {
+    /// The part.
+    pub part: CurrentPart,
+    /// When it became the current one, ms since 1970. A part that becomes it later always has a larger number, also if
+    /// the clocks of the stations that share the cache differ.
+    pub learned_ms: u64,
+    /// Whether the moment is recorded. Otherwise it is the time of a file that an older version wrote, and a copy of the
+    /// cache may have changed it.
+    pub is_recorded: bool,
+}
+
+/// The current part of a SKU in the record for all versions.
+#[derive(Serialize, Deserialize)]
+struct PartRecord {
+    learned_ms: u64,
+    #[serde(flatten)]
+    part: CurrentPart,
 }
 
 fn is_false(flag: &bool) -> bool {
@@ -299,14 +326,68 @@ impl Cache {
         self.root.join(format!("v{VERSION}"))
     }
 
+    /// The folders of all versions in this cache.
+    fn version_folders(&self) -> io::Result<Vec<PathBuf>> {
+        let mut folders = sorted_names(&self.root)?;
+        folders.retain(|folder| {
+            let name = name_of(folder);
+            let number = name.strip_prefix('v').unwrap_or_default();
+            !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
+        });
+        Ok(folders)
+    }
+
+    fn part_record(&self, sku: &Sku) -> PathBuf {
+        self.root.join(PARTS).join(format!("{}.toml", sku.key()))
+    }
+
     /// The current part of a SKU; `None` for an unknown SKU.
     ///
     /// # Errors
     /// When the folder cannot be read.
     pub fn current(&self, sku: &Sku) -> io::Result<Option<CurrentPart>> {
-        let Some(bytes) = read_if_there(&self.folder(sku).join(CURRENT))? else { return Ok(None) };
+        Ok(self.dated_current(sku)?.map(|dated| dated.part))
+    }
+
+    /// The current part of a SKU, and when it became it; `None` for an unknown SKU. A part that an older version of
+    /// isomark made the current one since is it here, too, although its surface is of no use to this version.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn dated_current(&self, sku: &Sku) -> io::Result<Option<DatedPart>> {
+        let record = self.part_record(sku);
         // A damaged file is treated as missing: the part is dropped again or found in the archive.
-        Ok(std::str::from_utf8(&bytes).ok().and_then(|text| toml::from_str(text).ok()))
+        let recorded = read_if_there(&record)?.and_then(|bytes| from_toml::<PartRecord>(&bytes));
+        let has_record = recorded.is_some();
+        let mut written_ms = match recorded {
+            Some(_) => written_at_ms(&record)?,
+            None => None,
+        };
+        let mut newest =
+            recorded.map(|PartRecord { learned_ms, part }| DatedPart { part, learned_ms, is_recorded: true });
+        // This version writes the files of all versions, and the record last: what is newer than that, and other, is of
+        // a version that does not know the record.
+        for folder in self.version_folders()? {
+            let file = folder.join(sku.key()).join(CURRENT);
+            let Some(at_ms) = written_at_ms(&file)?.filter(|at_ms| Some(*at_ms) > written_ms) else {
+                continue;
+            };
+            let Some(part) = read_if_there(&file)?.and_then(|bytes| from_toml::<CurrentPart>(&bytes)) else {
+                continue;
+            };
+            newest = Some(match newest {
+                Some(known) if known.part.origin.blake3 == part.origin.blake3 => {
+                    let order = part.order.or(known.part.order);
+                    DatedPart { part: CurrentPart { order, ..known.part }, ..known }
+                }
+                known => {
+                    let learned_ms = known.map_or(at_ms, |known| at_ms.max(known.learned_ms + 1));
+                    DatedPart { part, learned_ms, is_recorded: has_record }
+                }
+            });
+            written_ms = Some(at_ms);
+        }
+        Ok(newest)
     }
 
     /// Looks up a surface.
@@ -413,20 +494,64 @@ impl Cache {
         write_whole_unsynced(&folder, &format!("{}.toml", key.0), to_toml(&sidecar)?.as_bytes())
     }
 
-    /// Makes a part the current part of the SKU. One without an order keeps the order that it had.
+    /// Makes a part the current part of the SKU from now on. One without an order keeps the order that it had.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     pub fn make_current(&self, sku: &Sku, part: &CurrentPart) -> io::Result<()> {
-        let is_same = |known: CurrentPart| {
-            let order = part.order.or(known.order);
-            known == CurrentPart { order, ..part.clone() }
-        };
-        if self.current(sku)?.is_some_and(is_same) {
-            return Ok(());
+        let known = self.dated_current(sku)?;
+        let learned_ms = known.as_ref().map_or(0, |known| known.learned_ms + 1).max(now_ms());
+        let part = with_known_order(part, known.as_ref());
+        let written = self.write_current(sku, &part, learned_ms);
+        // Of a part that is the current one already, only the moment is not noted.
+        if known.is_some_and(|known| known.part == part) { Ok(()) } else { written }
+    }
+
+    /// Makes a part the current part of the SKU that became it at this moment, ms since 1970, and was lost here. Returns
+    /// whether it is the current one now: a part that became it later stays.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn make_current_as_of(&self, sku: &Sku, part: &CurrentPart, learned_ms: u64) -> io::Result<bool> {
+        let known = self.dated_current(sku)?;
+        let part = with_known_order(part, known.as_ref());
+        let mut moment = learned_ms;
+        if let Some(known) = known {
+            let is_same = known.part.origin.blake3 == part.origin.blake3;
+            if is_same && known.is_recorded && known.part == part && known.learned_ms >= learned_ms {
+                return Ok(true);
+            }
+            if !is_same && known.is_recorded && known.learned_ms > learned_ms {
+                return Ok(false);
+            }
+            if is_same {
+                moment = moment.max(known.learned_ms);
+            }
         }
-        fs::create_dir_all(self.folder(sku))?;
-        write_whole_unsynced(&self.folder(sku), CURRENT, to_toml(part)?.as_bytes())
+        self.write_current(sku, &part, moment).map(|()| true)
+    }
+
+    /// Writes the current part for all versions. Those that do not read the record would otherwise mark on an older part
+    /// after a change of the version, or at another station.
+    fn write_current(&self, sku: &Sku, part: &CurrentPart, learned_ms: u64) -> io::Result<()> {
+        let text = to_toml(part)?;
+        for folder in self.version_folders()? {
+            let folder = folder.join(sku.key());
+            let known = read_if_there(&folder.join(CURRENT))?;
+            if known.is_some_and(|known| known != text.as_bytes()) {
+                write_whole_unsynced(&folder, CURRENT, text.as_bytes())?;
+            }
+        }
+        let own = self.folder(sku);
+        if !own.join(CURRENT).exists() {
+            fs::create_dir_all(&own)?;
+            write_whole_unsynced(&own, CURRENT, text.as_bytes())?;
+        }
+        let parts = self.root.join(PARTS);
+        fs::create_dir_all(&parts)?;
+        let record = PartRecord { learned_ms, part: part.clone() };
+        // Flushed, so that a power cut does not bring back an older part.
+        write_whole_or_not(&parts, &format!("{}.toml", sku.key()), to_toml(&record)?.as_bytes())
     }
 
     /// The SKUs that have a current part, by their keys.
@@ -434,16 +559,16 @@ impl Cache {
     /// # Errors
     /// When a folder cannot be read.
     pub fn skus(&self) -> io::Result<BTreeMap<String, Sku>> {
-        let mut skus = BTreeMap::new();
-        for folder in sorted_names(&self.version_folder())? {
-            let key = name_of(&folder);
-            if let Some(sku) = key.parse::<Sku>().ok().filter(|sku| sku.key() == key)
-                && folder.join(CURRENT).exists()
-            {
-                skus.insert(key, sku);
-            }
-        }
-        Ok(skus)
+        let own = sorted_names(&self.version_folder())?;
+        let own = own.iter().filter(|folder| folder.join(CURRENT).exists()).map(|folder| name_of(folder));
+        let recorded = sorted_names(&self.root.join(PARTS))?;
+        let recorded =
+            recorded.iter().filter_map(|file| name_of(file).strip_suffix(".toml").map(str::to_owned));
+        let skus = own.chain(recorded).filter_map(|key| {
+            let sku = key.parse::<Sku>().ok().filter(|sku| sku.key() == key)?;
+            Some((key, sku))
+        });
+        Ok(skus.collect())
     }
 
     /// When the current part of a SKU became it in this cache, ms since 1970; `None` for an unknown SKU.
@@ -451,7 +576,7 @@ impl Cache {
     /// # Errors
     /// When the folder cannot be read.
     pub fn current_since_ms(&self, sku: &Sku) -> io::Result<Option<u64>> {
-        written_at_ms(&self.folder(sku).join(CURRENT))
+        Ok(self.dated_current(sku)?.map(|dated| dated.learned_ms))
     }
 
     /// The keys of the surfaces of a SKU that belong to the part with this hash, by their summaries.
@@ -480,8 +605,10 @@ impl Cache {
     pub fn entries(&self) -> io::Result<Vec<CacheEntry>> {
         let mut entries = Vec::new();
         for folder in sorted_names(&self.version_folder())? {
-            let current = read_if_there(&folder.join(CURRENT))?
-                .and_then(|bytes| toml::from_str::<PartOrigin>(&String::from_utf8_lossy(&bytes)).ok());
+            let current = match name_of(&folder).parse::<Sku>() {
+                Ok(sku) => self.current(&sku)?.map(|current| current.origin),
+                Err(_) => None,
+            };
             for file in
                 sorted_names(&folder)?.into_iter().filter(|file| file.extension().is_some_and(|e| e == "fit"))
             {
@@ -506,16 +633,17 @@ impl Cache {
         Ok(entries)
     }
 
-    /// Removes all entries of a SKU; returns whether there were any.
+    /// Removes all entries of a SKU, of all versions, and its current part; returns whether there were any.
     ///
     /// # Errors
     /// When the folder cannot be removed.
     pub fn remove(&self, sku: &Sku) -> io::Result<bool> {
-        match fs::remove_dir_all(self.folder(sku)) {
-            Ok(()) => Ok(true),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
-            Err(error) => Err(error),
+        let mut was_there = false;
+        // The record last: without it, the part of an older version would be the current one.
+        for folder in self.version_folders()? {
+            was_there |= is_removed(fs::remove_dir_all(folder.join(sku.key())))?;
         }
+        Ok(was_there | is_removed(fs::remove_file(self.part_record(sku)))?)
     }
 
     /// Removes one entry.
@@ -525,13 +653,35 @@ impl Cache {
     pub fn remove_entry(&self, entry: &CacheEntry) -> io::Result<()> {
         let folder = self.version_folder().join(&entry.sku);
         for ending in ["fit", "toml", "mesh"] {
-            match fs::remove_file(folder.join(format!("{}.{ending}", entry.key.0))) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => {}
-            }
+            is_removed(fs::remove_file(folder.join(format!("{}.{ending}", entry.key.0))))?;
         }
         Ok(())
     }
+}
+
+/// Whether something was there to be removed.
+fn is_removed(removed: io::Result<()>) -> io::Result<bool> {
+    match removed {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+/// A part with the order in a fleet that it had, if it has none.
+fn with_known_order(part: &CurrentPart, known: Option<&DatedPart>) -> CurrentPart {
+    let known =
+        known.filter(|known| known.part.origin == part.origin && known.part.has_frame == part.has_frame);
+    let order = part.order.or(known.and_then(|known| known.part.order));
+    CurrentPart { order, ..part.clone() }
+}
+
+fn now_ms() -> u64 {
+    ms_since_1970(SystemTime::now())
+}
+
+fn from_toml<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {
+    std::str::from_utf8(bytes).ok().and_then(|text| toml::from_str(text).ok())
 }
 
 fn name_of(path: &Path) -> String {
@@ -872,6 +1022,53 @@ mod tests {
         assert_eq!(cache.current(&sku).unwrap(), Some(current));
         assert_eq!(cache.entries().unwrap().len(), 1);
         assert!(cache.remove(&sku).unwrap() && !cache.remove(&sku).unwrap());
+    }
+
+    fn part_named(blake3: &str) -> CurrentPart {
+        CurrentPart::new(PartOrigin { file: format!("{blake3}.obj"), blake3: blake3.into() }, false)
+    }
+
+    fn written_after(path: &Path, earlier: &Path) {
+        let earlier = fs::metadata(earlier).unwrap().modified().unwrap();
+        let file = fs::OpenOptions::new().write(true).open(path).unwrap();
+        file.file().set_modified(earlier + std::time::Duration::from_secs(2)).unwrap();
+    }
+
+    /// Another version of isomark, which does not know the record, made the part current since.
+    #[test]
+    fn all_versions_agree_on_the_current_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path());
+        let sku: Sku = "Can".parse().unwrap();
+        let old = folder.path().join("v7/can");
+        let write_old = |blake3: &str| {
+            fs::create_dir_all(&old).unwrap();
+            fs::write(old.join(CURRENT), to_toml(&part_named(blake3)).unwrap()).unwrap();
+        };
+        // An upgrade: the part is known, but its time is only that of the file.
+        write_old("aa");
+        let known = cache.dated_current(&sku).unwrap().unwrap();
+        assert!(known.part == part_named("aa") && !known.is_recorded, "{known:?}");
+        cache.make_current(&sku, &part_named("bb")).unwrap();
+        let second = cache.dated_current(&sku).unwrap().unwrap();
+        assert!(
+            second.part == part_named("bb") && second.is_recorded && second.learned_ms > known.learned_ms
+        );
+        // A version that only reads its own file does not mark on the older part.
+        assert_eq!(from_toml::<CurrentPart>(&fs::read(old.join(CURRENT)).unwrap()), Some(part_named("bb")));
+        // The rollback, a new part there, and the upgrade again.
+        write_old("cc");
+        written_after(&old.join(CURRENT), &cache.part_record(&sku));
+        let third = cache.dated_current(&sku).unwrap().unwrap();
+        assert!(third.part == part_named("cc") && third.learned_ms > second.learned_ms, "{third:?}");
+        assert!(!cache.make_current_as_of(&sku, &part_named("bb"), second.learned_ms).unwrap());
+        assert!(cache.make_current_as_of(&sku, &part_named("dd"), third.learned_ms).unwrap());
+        assert_eq!(cache.current(&sku).unwrap(), Some(part_named("dd")));
+        // A part that is dropped again is newer than before.
+        let before = cache.current_since_ms(&sku).unwrap();
+        cache.make_current(&sku, &part_named("dd")).unwrap();
+        assert!(cache.current_since_ms(&sku).unwrap() > before);
+        assert!(cache.remove(&sku).unwrap() && cache.current(&sku).unwrap().is_none());
     }
 
     #[test]

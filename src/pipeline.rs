@@ -74,6 +74,7 @@ pub(crate) use content::misspelt_fields;
 pub use content::{Variable, check_fixed_codes, check_values, variable};
 pub use evaluate::{EVALUATION_SCHEMA, Evaluation, EvaluationRow, FloorReport};
 pub use focus::StepDrawing;
+pub use learning::part_hash;
 pub use list::ListJob;
 pub use marked::Marked;
 pub use progress::{Progress, Step};

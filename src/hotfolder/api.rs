@@ -26,6 +26,28 @@ pub trait Corrector: Sync {
     /// See [`JobError`].
     fn part_identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError>;
 
+    /// The current part of the SKU from a file, to be compared with the archive. [`PartNow::Untold`] if there is nothing to
+    /// compare, as without a cache that others can change.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    fn part_now(&self, _: &Sku) -> Result<PartNow, JobError> {
+        Ok(PartNow::Untold)
+    }
+
+    /// Records the moment at which the current part of the SKU became it, if that is not recorded.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    fn record_part(&self, _: &Sku) -> Result<(), JobError> {
+        Ok(())
+    }
+
+    /// The hash of a part, as [`part_now`](Self::part_now) states it.
+    fn part_hash(&self, part: &DroppedFile) -> String {
+        blake3::hash(&part.bytes).to_hex().to_string()
+    }
+
     /// The station's settings changed: its folders may be different now.
     fn follow(&self, station: &Station);
 
@@ -34,7 +56,8 @@ pub trait Corrector: Sync {
         None
     }
 
-    /// Fits an archived part whose surface was lost, and keeps the surface.
+    /// Fits an archived part whose surface was lost, and keeps the surface. It is the SKU's part since the moment `since`, ms since
+    /// 1970, if that is known, and replaces one that was learned before.
     ///
     /// # Errors
     /// [`JobError::Rejected`] when another station that shares the surfaces has learned a newer part of the SKU;
@@ -44,6 +67,7 @@ pub trait Corrector: Sync {
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        since: Option<u64>,
         pace: Pace,
     ) -> Result<PartLearned, JobError>;
 
@@ -90,6 +114,26 @@ pub trait Corrector: Sync {
         used: u64,
         most: u64,
     ) -> Result<Products, JobError>;
+}
+
+/// What a [`Corrector`] knows of the current part of a SKU.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PartNow {
+    /// It does not tell.
+    Untold,
+    /// The SKU is unknown.
+    Unknown,
+    /// The part.
+    Known {
+        /// Its file's name.
+        file: String,
+        /// Its [hash](Corrector::part_hash).
+        blake3: String,
+        /// When it became the SKU's part, ms since 1970; a later part always has a larger number.
+        learned_ms: u64,
+        /// Whether that moment is recorded, and not only the time of a file.
+        is_recorded: bool,
+    },
 }
 
 /// A part or pattern as it was read, with the files that it needs. A pattern needs none, and is named after its SKU

@@ -143,7 +143,7 @@ mod dispatcher;
 mod pipeline_corrector;
 
 pub use api::{
-    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned,
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, Mode, PartLearned, PartNow,
     PictureKind, Pulse, ReadBack, Sketch, Tally, Waiting, WaitsFor,
 };
 #[cfg(feature = "fleet")]

@@ -4,19 +4,19 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::cache::Cache;
+use crate::cache::{Cache, CurrentPart, DatedPart};
 use crate::config::{JobSettings, PartSettings, Sku, Station};
 use crate::formats::Pace;
 use crate::formats::list::Products;
 use crate::formats::mesh::{self, Buffer, MeshFormat, MeshOptions, MeshReadError, NamedFiles, PartFile};
 use crate::formats::pattern::{self, PatternOptions};
 use crate::hotfolder::api::{
-    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, PictureKind,
-    Sketch,
+    Check, Companion, Completeness, Corrector, Delivery, DroppedFile, JobError, PartLearned, PartNow,
+    PictureKind, Sketch,
 };
 use crate::hotfolder::fleet::Fleet;
 use crate::pipeline::{
-    Corrected, FrameDrawing, LearnedPart, ListJob, Marked, PatternInput, Pipeline, PipelineError,
+    Corrected, FrameDrawing, LearnedPart, ListJob, Marked, PatternInput, Pipeline, PipelineError, part_hash,
 };
 use crate::preview::{Backdrop, OnPart, Preview, glb, svg, svg_on};
 use crate::reason::{Notice, Reason};
@@ -224,6 +224,23 @@ impl Corrector for PipelineCorrector {
         }))
     }
 
+    fn part_now(&self, sku: &Sku) -> Result<PartNow, JobError> {
+        Ok(match self.pipeline().dated_part(sku)? {
+            None => PartNow::Unknown,
+            Some(DatedPart { part: CurrentPart { origin, .. }, learned_ms, is_recorded }) => {
+                PartNow::Known { file: origin.file, blake3: origin.blake3, learned_ms, is_recorded }
+            }
+        })
+    }
+
+    fn record_part(&self, sku: &Sku) -> Result<(), JobError> {
+        Ok(self.pipeline().record_part(sku)?)
+    }
+
+    fn part_hash(&self, part: &DroppedFile) -> String {
+        part_hash(part)
+    }
+
     fn is_corrected(&self, file: &[u8]) -> bool {
         crate::pipeline::is_corrected(file)
     }
@@ -245,9 +262,10 @@ impl Corrector for PipelineCorrector {
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        since: Option<u64>,
         pace: Pace,
     ) -> Result<PartLearned, JobError> {
-        let learned = self.pipeline().at(pace).restore(sku, part, &settings.part)?;
+        let learned = self.pipeline().at(pace).restore_as_of(sku, part, &settings.part, since)?;
         Ok(self.learned(sku, part, settings, learned))
     }
 

@@ -6,7 +6,7 @@ use super::converting::read_or_convert;
 use super::recent::RecentDrawings;
 use super::scan::surface_of;
 use super::{Clock, LearnedPart, Pipeline, PipelineError, Step, checks, hash};
-use crate::cache::{CacheKey, CachedSurface, CurrentPart, FitTask, Lookup, PartOrigin};
+use crate::cache::{CacheKey, CachedSurface, CurrentPart, DatedPart, FitTask, Lookup, PartOrigin};
 use crate::config::{IncidenceLimits, PartSettings, Sku, canonical};
 use crate::cores::Cores;
 use crate::formats::Pace;
@@ -35,7 +35,7 @@ impl Pipeline {
         settings: &PartSettings,
     ) -> Result<LearnedPart, PipelineError> {
         let (origin, clock) = identified(part);
-        self.learn_from(sku, part, origin, settings, true, clock)
+        self.learn_from(sku, part, origin, settings, Newness::New, clock)
     }
 
     /// Learns again a part that the SKU had before. Stations that share a cache also share the part of each SKU, so
@@ -49,14 +49,33 @@ impl Pipeline {
         part: &PartFile,
         settings: &PartSettings,
     ) -> Result<LearnedPart, PipelineError> {
+        self.restore_as_of(sku, part, settings, None)
+    }
+
+    /// The same for a part that became the SKU's part at this moment, ms since 1970: it replaces one that became it earlier.
+    ///
+    /// # Errors
+    /// As [`learn`](Self::learn), and if another part has been learned since.
+    pub fn restore_as_of(
+        &self,
+        sku: &Sku,
+        part: &PartFile,
+        settings: &PartSettings,
+        learned_ms: Option<u64>,
+    ) -> Result<LearnedPart, PipelineError> {
         let (origin, clock) = identified(part);
-        if let Some(CurrentPart { origin: current, .. }) =
-            self.cache.as_ref().map(|cache| cache.current(sku)).transpose()?.flatten()
+        if let Some(DatedPart {
+            part: CurrentPart { origin: current, .. },
+            learned_ms: since,
+            is_recorded,
+            ..
+        }) = self.dated_part(sku)?
             && current.blake3 != origin.blake3
+            && !learned_ms.is_some_and(|learned_ms| learned_ms >= since || !is_recorded)
         {
             return Err(checks::superseded(sku, &current.file).into());
         }
-        self.learn_from(sku, part, origin, settings, false, clock)
+        self.learn_from(sku, part, origin, settings, Newness::Restored { learned_ms }, clock)
     }
 
     fn learn_from(
@@ -65,7 +84,7 @@ impl Pipeline {
         part: &PartFile,
         origin: PartOrigin,
         settings: &PartSettings,
-        is_new: bool,
+        newness: Newness,
         mut clock: Clock,
     ) -> Result<LearnedPart, PipelineError> {
         let rejected = |reason: Reason| PipelineError::from(reason.in_file(&part.name));
@@ -89,7 +108,7 @@ impl Pipeline {
             if let Some(others) = &self.shared.0 {
                 others.offer(sku, &key, &current.origin);
             }
-            self.make_current(sku, &current, is_new)?;
+            self.make_current(sku, &current, newness)?;
             let kept = CachedSurface { origin: current.origin, ..kept };
             let settings = settings.for_part_with(kept.facts.marking_frame());
             let timings = clock.laps;
@@ -138,7 +157,7 @@ impl Pipeline {
             if let Some(others) = &self.shared.0 {
                 others.offer(sku, &key, &current.origin);
             }
-            self.make_current(sku, &current, is_new)?;
+            self.make_current(sku, &current, newness)?;
             clock.lap("keep surface");
         }
         let settings = settings.for_part_with(kept.facts.marking_frame());
@@ -344,13 +363,42 @@ impl Pipeline {
         Some(self.key(&CurrentPart::new(origin, mesh::has_frame(&part.bytes, format)), settings))
     }
 
-    /// Makes a part the SKU's current one; other stations get to know one that is new.
-    fn make_current(&self, sku: &Sku, part: &CurrentPart, is_new: bool) -> io::Result<()> {
-        let Some(cache) = &self.cache else { return Ok(()) };
-        match &self.shared.0 {
-            Some(others) if is_new => others.make_current(cache, sku, part),
-            _ => cache.make_current(sku, part),
+    /// The SKU's current part from a file, and when it became it; `None` for an unknown SKU.
+    ///
+    /// # Errors
+    /// When the cache's folder cannot be used.
+    pub fn dated_part(&self, sku: &Sku) -> Result<Option<DatedPart>, PipelineError> {
+        Ok(self.cache.as_ref().map(|cache| cache.dated_current(sku)).transpose()?.flatten())
+    }
+
+    /// Records the moment at which the SKU's current part became it, if only an older version has written it.
+    ///
+    /// # Errors
+    /// When the cache's folder cannot be used.
+    pub fn record_part(&self, sku: &Sku) -> Result<(), PipelineError> {
+        if let (Some(cache), Some(known)) = (&self.cache, self.dated_part(sku)?)
+            && !known.is_recorded
+        {
+            cache.make_current_as_of(sku, &known.part, known.learned_ms)?;
         }
+        Ok(())
+    }
+
+    /// Makes a part the SKU's current one; other stations get to know one that is new.
+    fn make_current(&self, sku: &Sku, part: &CurrentPart, newness: Newness) -> Result<(), PipelineError> {
+        let Some(cache) = &self.cache else { return Ok(()) };
+        match (newness, &self.shared.0) {
+            (Newness::New, Some(others)) => others.make_current(cache, sku, part)?,
+            (Newness::New, None) => cache.make_current(sku, part)?,
+            (Newness::Restored { learned_ms }, _) => {
+                // Without a moment, the part is the current one already, or nothing is known of any.
+                let known = self.dated_part(sku)?.map(|known| known.learned_ms);
+                if !cache.make_current_as_of(sku, part, learned_ms.or(known).unwrap_or(0))? {
+                    return Err(checks::superseded(sku, "another file").into());
+                }
+            }
+        }
+        Ok(())
     }
 
     fn look_up(
@@ -380,6 +428,21 @@ impl Pipeline {
         };
         CacheKey::new(&part.origin.blake3, &text)
     }
+}
+
+/// How a part becomes the current one of its SKU.
+#[derive(Debug, Clone, Copy)]
+enum Newness {
+    /// Somebody gives it to the SKU now.
+    New,
+    /// The SKU had it since this moment, ms since 1970.
+    Restored { learned_ms: Option<u64> },
+}
+
+/// The hash of a part's bytes and of its buffers', as [`PartOrigin`] has it.
+#[must_use]
+pub fn part_hash(part: &PartFile) -> String {
+    identified(part).0.blake3
 }
 
 /// The origin of a part, and a clock with the time that hashing took. The hash must stay the same in every version:

@@ -1333,8 +1333,8 @@ const CODES: &[Code] = &[
     reason([
         "newer-elsewhere",
         "Another station has fitted a newer part for this SKU.",
-        "The stations share one cache of surfaces. This station was about to fit its own archived part again, but \
-         the cache contains a newer part.",
+        "The stations share one cache of surfaces, or another version of isomark has used the cache. This station was about to fit its \
+         own archived part again, but the cache contains a newer part.",
         "Drop the newer part at this station, as well. The reason gives its name.",
     ]),
     reason([

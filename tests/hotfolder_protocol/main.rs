@@ -124,6 +124,7 @@ impl Corrector for StandIn {
         sku: &Sku,
         part: &DroppedFile,
         settings: &JobSettings,
+        _: Option<u64>,
         pace: Pace,
     ) -> Result<PartLearned, JobError> {
         self.learn_part(sku, part, settings, pace)

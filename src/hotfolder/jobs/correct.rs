@@ -7,6 +7,7 @@ use super::Read;
 use super::delivery::{self, How};
 use super::finish::{Ready, is_missing_for_server};
 use super::resume::{Inputs, Original, Resume};
+use super::surfaces::Surface;
 use super::{EarlyEnd, Executor, Outcome, Task, Unfiled, filing, recovery};
 use crate::config::{DeliveryKind, FolderPaths, JobSettings, Repeat, Sku, fold, near, nearest_first};
 use crate::formats::mesh::MeshFormat;
@@ -117,7 +118,11 @@ impl<C: Corrector> Executor<'_, C> {
         if let Some(reason) = self.refused(&task.station.folders, sku).filter(|_| is_from_file) {
             return Err(EarlyEnd::Outcome(Outcome::PartRefused(reason)));
         }
-        if !self.has_surface(&task.station.folders, sku, &task.settings, task.pace)? {
+        let surface = self.has_surface(&task.station.folders, sku, &task.settings, task.pace)?;
+        if let Surface::Lost(reason) = surface {
+            return Err(EarlyEnd::Outcome(Outcome::NoSurface(reason)));
+        }
+        if matches!(surface, Surface::Unknown) {
             if self.corrector.fleet().is_some() && self.identity(sku, &task.settings)?.is_some() {
                 return Err(EarlyEnd::Outcome(Outcome::NoSurface(waits_for_surface(sku))));
             }

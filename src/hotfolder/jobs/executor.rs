@@ -29,6 +29,9 @@ use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
 use crate::hotfolder::seen::{Parking, Stamp, StopSignal, sidecar_of};
 use crate::hotfolder::state::{DropId, Journal, OpenJob, Shares};
 
+/// An archived part that was to be fitted: its path, the settings, and since when it was the SKU's part.
+pub(super) type Attempt = (PathBuf, JobSettings, Option<u64>);
+
 /// The state that the threads of a station share.
 pub(crate) struct Executor<'a, C> {
     pub(crate) corrector: &'a C,
@@ -37,7 +40,7 @@ pub(crate) struct Executor<'a, C> {
     pub(super) overtaken: Mutex<BTreeSet<Sku>>,
     pub(super) restoring: Restoring,
     /// Archived parts that cannot be fitted with these settings.
-    pub(super) unfit_archive: Mutex<BTreeMap<Sku, (PathBuf, JobSettings)>>,
+    pub(super) unfit_archive: Mutex<BTreeMap<Sku, Attempt>>,
     /// Whether pictures are drawn later, because drops wait for a thread.
     pub(crate) others_wait: AtomicBool,
     /// Held while the serial numbers of a SKU are noted.
@@ -163,6 +166,7 @@ impl<'a, C: Corrector> Executor<'a, C> {
         let archived = self.archive(task, sku, name, read, None)?;
         // If this fails, the job stays open and the next listing closes it: the note must not name an older part.
         filing::set_current_part(folders, sku, &archived).map_err(folder_trouble)?;
+        self.note_part(folders, sku, &archived, &guarded(|| Ok(self.corrector.part_hash(&read.file)))?);
         self.note_shape(sku, &task.settings, true);
         let original = filing::in_archive(folders, sku, &archived);
         warn_if_not_noted(self.journal().learned(&task.drop, sku.as_str(), &original));

@@ -137,7 +137,7 @@ fn with_companions(
     }
 }
 
-fn needed(named: &[Companion]) -> impl Iterator<Item = &Companion> {
+pub(super) fn needed(named: &[Companion]) -> impl Iterator<Item = &Companion> {
     named.iter().filter(|companion| companion.needed && is_plain(&companion.name))
 }
 

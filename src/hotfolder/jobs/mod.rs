@@ -11,6 +11,7 @@ mod delivery;
 pub(crate) mod recovery;
 mod restoring;
 mod executor;
+mod standing;
 mod surfaces;
 mod finish;
 mod correct;

@@ -225,7 +225,7 @@ impl Reprocessing {
         settings: &JobSettings,
     ) {
         let Some(mut progress) = self.unchecked.remove(sku) else { return };
-        let Ok(part) = executor.identity(sku, settings) else {
+        let Ok(part) = executor.agreed_identity(&station.folders, sku, settings) else {
             self.unreadable.insert(sku.clone());
             return;
         };

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{MutexGuard, PoisonError};
 
-use super::{EarlyEnd, Executor, Outcome, Task, basis, filing, intake};
+use super::standing::Standing;
+use super::{EarlyEnd, Executor, Outcome, Task, basis, filing};
 use crate::config::{FolderPaths, JobSettings, Sku};
 use crate::formats::Pace;
-use crate::hotfolder::api::{Completeness, Corrector, DroppedFile, JobError};
-use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
+use crate::hotfolder::api::{Corrector, JobError};
+use crate::hotfolder::error::{guarded, warn_if_not_noted};
 use crate::hotfolder::seen::folders;
 use crate::hotfolder::state::Delivered;
 use crate::reason::Reason;
@@ -46,7 +47,20 @@ impl<C: Corrector> Executor<'_, C> {
         changed
     }
 
-    /// The identity of the SKU's part; `None` while it is unknown.
+    /// The identity of the SKU's part; `None` while it is unknown, or must be restored from the archive first.
+    pub(crate) fn agreed_identity(
+        &self,
+        folders: &FolderPaths,
+        sku: &Sku,
+        settings: &JobSettings,
+    ) -> Result<Option<String>, JobError> {
+        match self.standing(folders, sku, settings, false)? {
+            Standing::Agrees { .. } => self.identity(sku, settings),
+            Standing::ArchiveIsNewer { .. } | Standing::Lost(_) | Standing::Unsure => Ok(None),
+        }
+    }
+
+    /// The identity of the SKU's part in the cache; `None` while it is unknown.
     pub(crate) fn identity(&self, sku: &Sku, settings: &JobSettings) -> Result<Option<String>, JobError> {
         guarded(|| self.corrector.part_identity(sku, settings))
     }
@@ -65,7 +79,7 @@ impl<C: Corrector> Executor<'_, C> {
     /// learned: later changes make them outdated. If the part that they were made from is unknown, the new part makes
     /// them outdated.
     pub(crate) fn take_as_up_to_date(&self, folders: &FolderPaths, sku: &Sku, settings: &JobSettings) {
-        let Ok(part) = self.identity(sku, settings) else { return };
+        let Ok(part) = self.agreed_identity(folders, sku, settings) else { return };
         let archive = folders.archive.join(sku.key());
         let mut last = None;
         loop {
@@ -135,11 +149,12 @@ impl<C: Corrector> Executor<'_, C> {
     /// Fits the archived part of a SKU again, so that its delivered drawings can be checked. Nothing is rejected.
     pub(super) fn restore(&self, task: &Task, sku: &Sku) -> Result<Outcome, EarlyEnd> {
         match self.has_surface(&task.station.folders, sku, &task.settings, task.pace) {
-            Ok(true) => {
+            Ok(Surface::Known) => {
                 self.note_shape(sku, &task.settings, false);
                 Ok(Outcome::Restored)
             }
-            Ok(false) => {
+            Ok(Surface::Lost(reason)) => Ok(Outcome::NoSurface(reason)),
+            Ok(Surface::Unknown) => {
                 let what = format!("The archive has no part of SKU `{sku}` that can be fitted.");
                 Ok(Outcome::NoSurface(Reason::new("waits-for-part", what, "Drop the part again.")))
             }
@@ -148,41 +163,52 @@ impl<C: Corrector> Executor<'_, C> {
         }
     }
 
-    /// Whether there is a surface for the SKU; a lost one is fitted again from the archived part.
+    /// Whether there is a surface for the SKU's current part; a lost one is fitted again from the archived part, also if the
+    /// cache has that of an older part.
     pub(crate) fn has_surface(
         &self,
         folders: &FolderPaths,
         sku: &Sku,
         settings: &JobSettings,
         pace: Pace,
-    ) -> Result<bool, JobError> {
-        let is_known = || guarded(|| Ok(self.corrector.knows(sku, settings)));
-        if is_known()? {
-            return Ok(true);
+    ) -> Result<Surface, JobError> {
+        let is_known = || {
+            let standing = self.standing(folders, sku, settings, true)?;
+            let is_known = matches!(standing, Standing::Agrees { .. })
+                && guarded(|| Ok(self.corrector.knows(sku, settings)))?;
+            Ok::<_, JobError>((standing, is_known))
+        };
+        if let (_, true) = is_known()? {
+            return Ok(Surface::Known);
         }
         // Drawings of one SKU are corrected in parallel, and the job of one of them fits the part.
         let _claim = self.restoring.claim(sku, pace)?;
-        if is_known()? {
-            return Ok(true);
-        }
-        let Some(part) = filing::current_part(folders, sku) else { return Ok(false) };
-        let attempt = (part, settings.clone());
+        let since = match is_known()? {
+            (_, true) => return Ok(Surface::Known),
+            (Standing::Lost(reason), _) => return Ok(Surface::Lost(reason)),
+            (Standing::Agrees { since }, _) => since,
+            (Standing::ArchiveIsNewer { since }, _) => {
+                tracing::warn!(
+                    "the cache has an older part of {sku} than the archive: it may be an older copy, or another version of isomark \
+                     has worked here. The archived part is used"
+                );
+                Some(since)
+            }
+            (Standing::Unsure, _) => None,
+        };
+        let Some(part) = filing::current_part(folders, sku) else { return Ok(Surface::Unknown) };
+        let attempt = (part, settings.clone(), since);
         let unfit = || self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner);
         if unfit().get(sku) == Some(&attempt) {
-            return Ok(false);
+            return Ok(Surface::Unknown);
         }
-        let path = attempt.0.clone();
-        let Some((bytes, _)) = folders::read_whole(&path).map_err(folder_trouble)? else { return Ok(false) };
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let siblings = match guarded(|| Ok(self.corrector.completeness(&name, &bytes)))? {
-            Completeness::Whole { companions } => intake::read_needed(&path, &companions)?,
-            Completeness::CutShort(_) => BTreeMap::new(),
-        };
-        let file = DroppedFile { name, bytes, siblings };
-        match guarded(|| self.corrector.restore_part(sku, &file, settings, pace)) {
+        let Some((file, _)) = self.read_archived(&attempt.0)? else { return Ok(Surface::Unknown) };
+        match guarded(|| self.corrector.restore_part(sku, &file, settings, since, pace)) {
             Ok(learned) => {
+                let hash = guarded(|| Ok(self.corrector.part_hash(&file)))?;
+                self.note_part(folders, sku, &attempt.0, &hash);
                 tracing::info!("restored the surface of {sku} from the archive: {}", learned.summary);
-                Ok(true)
+                Ok(Surface::Known)
             }
             Err(JobError::Rejected(reason)) => {
                 tracing::warn!(
@@ -190,9 +216,17 @@ impl<C: Corrector> Executor<'_, C> {
                     reason.on_one_line()
                 );
                 unfit().insert(sku.clone(), attempt);
-                Ok(false)
+                Ok(Surface::Unknown)
             }
             Err(other) => Err(other),
         }
     }
+}
+
+/// Whether the surface of a SKU's current part is known.
+pub(crate) enum Surface {
+    Known,
+    Unknown,
+    /// The current part itself is gone, for this reason.
+    Lost(Reason),
 }

@@ -4,6 +4,7 @@ mod drop_id;
 mod holder;
 mod lock;
 mod journal;
+mod parts;
 pub(crate) mod requests;
 mod shares;
 pub mod status;
@@ -16,6 +17,7 @@ pub(crate) use journal::{
 };
 pub(crate) use lock::HotLock;
 pub use lock::StationLock;
+pub(crate) use parts::PartNote;
 pub use requests::Request;
 pub(crate) use shares::Shares;
 #[cfg(feature = "cli")]
