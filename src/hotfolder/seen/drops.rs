@@ -362,8 +362,12 @@ impl Drops {
     /// The remaining drops: those that wait for something else, and those that are incomplete.
     pub(crate) fn left(&self) -> (Vec<Waiting>, Vec<Waiting>) {
         let (mut waiting, mut incomplete) = (Vec::new(), Vec::new());
-        for drop in self.all.values() {
-            let (waits_for, reason) = drop.waits_for();
+        for (path, drop) in &self.all {
+            let (waits_for, mut reason) = drop.waits_for();
+            let is_with_drawing = (is_sidecar(path) || is_list(path)) && reason.code == "waits-for-pattern";
+            if is_with_drawing && self.has_pattern_of(path) {
+                reason = belongs_to_drawing();
+            }
             let kind = if waits_for == WaitsFor::Rest { &mut incomplete } else { &mut waiting };
             kind.push(Waiting { drop: with_slashes(&drop.relative), reason, waits_for });
         }
@@ -456,6 +460,13 @@ fn waits_for_turn() -> Reason {
     Reason::new("waits-for-turn", what, "Wait: it is processed after the large jobs before it.")
 }
 
+/// The reason of settings or a list whose drawing is there, too.
+fn belongs_to_drawing() -> Reason {
+    let what = "The file belongs to the drawing of the same name in the hot folder, which waits, too.";
+    let remedy = "Leave it there: isomark files it together with the drawing. Without it, the drawing would be marked differently.";
+    Reason::new("waits-for-pattern", what, remedy)
+}
+
 fn still_settling() -> Reason {
     let what = "A program may still be writing the file, or other files are processed first.";
     Reason::new("still-settling", what, "Wait: isomark checks it again.")
@@ -488,6 +499,30 @@ mod tests {
         assert_eq!(ready(4), ["mug.glb", "mug@2.dxf"].map(|name| hot.join(name)));
         let all = ["can.glb", "can.stl", "mug.glb", "mug.png", "mug.dxf", "mug@2.dxf"];
         assert_eq!(ready(5), all.map(|name| hot.join(name)));
+    }
+
+    /// Whoever removed the settings of a row would have it marked with the values of another one.
+    #[test]
+    fn settings_whose_drawing_is_there_are_not_to_be_removed() {
+        let (at, hot) = (Duration::from_secs, Path::new("hot"));
+        let mut drops = Drops::default();
+        let see = |drops: &mut Drops, name: &str| {
+            let stamp = Stamp { size: 1, modified: None, identity: 1 };
+            drops.see(hot, Path::new(name), Found::File(stamp), Writer::Closed, at(0), at(0));
+        };
+        for name in ["can@l-000001.toml", "can@late.toml", "can/m.toml"] {
+            see(&mut drops, name);
+            let reason = Reason::new("waits-for-pattern", "It waits.", "Drop it, or remove this file.");
+            drops.get_mut(&hot.join(name)).unwrap().wait(Block::Unclaimed, reason);
+        }
+        see(&mut drops, "can@l-000001.dxf");
+        see(&mut drops, "can@M.svg");
+        let (waiting, _) = drops.left();
+        let remedies: Vec<_> = waiting
+            .iter()
+            .map(|waiting| (&*waiting.drop, waiting.reason.remedy.contains("remove")))
+            .collect();
+        assert_eq!(remedies, [("can/m.toml", false), ("can@l-000001.toml", false), ("can@late.toml", true)]);
     }
 
     #[test]
