@@ -566,6 +566,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         let view = crate::hotfolder::state::status::View {
             drops: &self.drops,
             under_way: self.threads.under_way(now),
+            delivered: self.threads.delivered(),
             outdated: self.reprocessing.marked(LISTED),
             uncertain: self
                 .executor

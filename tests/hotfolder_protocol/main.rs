@@ -160,6 +160,9 @@ impl Corrector for StandIn {
         let report = format!("before: {}", previous.map_or("nothing".into(), String::from_utf8_lossy));
         let (seen, page) = (self.seen.clone(), format!("<!DOCTYPE html>{drawing}"));
         let draw_page = move || {
+            while page.contains("held-page") && !seen.released.load(Ordering::SeqCst) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
             let corrected = seen.corrected.lock().unwrap().len();
             seen.drawn.lock().unwrap().push(corrected);
             page.into_bytes()

@@ -46,3 +46,24 @@ fn pictures_that_wait_are_drawn_before_the_station_ends() {
         assert!(line.path("archive/can").join(name).exists());
     }
 }
+
+/// A station that is killed before the pictures would otherwise never count them, and people would look for them in the queue.
+#[test]
+fn drawings_count_as_delivered_when_they_are_in_import() {
+    let mut line = Line::new();
+    line.drop("can.glb", "can.glb");
+    (0..DRAWINGS).for_each(|number| line.drop(&name(number), "held-page"));
+    line.start(Mode::UntilStopped);
+    // The last ones are still at work in their threads.
+    line.waits_for("a status with the deliveries", |line| {
+        let status = line.text("state/status.json").unwrap_or_default();
+        let Ok(status) = serde_json::from_str::<serde_json::Value>(&status) else { return false };
+        let number = |pointer: &str| status.pointer(pointer).unwrap().as_u64().unwrap() as usize;
+        line.import().len() == DRAWINGS
+            && number("/done/delivered") >= DRAWINGS / 2
+            && number("/waiting/count") + number("/incomplete/count") == 0
+    });
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_empty_hot();
+    assert_eq!(line.stop().delivered, DRAWINGS as u64);
+}

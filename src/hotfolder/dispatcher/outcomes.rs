@@ -7,12 +7,12 @@ use super::Dispatcher;
 use super::threads::Running;
 use crate::config::Sku;
 use crate::hotfolder::api::{Corrector, Mode};
-use crate::hotfolder::jobs::{Outcome, Searched, Work, filing};
+use crate::hotfolder::jobs::{Outcome, Searched, Task, Unfiled, Work, filing};
 use crate::hotfolder::seen::{
     Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_list, is_sidecar, other_form, sidecar_of,
 };
 use crate::hotfolder::state::status::FinishedAs;
-use crate::hotfolder::state::with_slashes;
+use crate::hotfolder::state::{Certainty, with_slashes};
 use crate::reason::Reason;
 
 /// The pause after the first environment error of a job; it doubles with each further error.
@@ -27,7 +27,8 @@ const MAX_UNFILED_BYTES: usize = 64 << 20;
 impl<C: Corrector> Dispatcher<'_, C> {
     /// Handles the end of a job.
     pub(super) fn finished(&mut self, path: &Path, outcome: Outcome, went_along: &[PathBuf]) {
-        if let Outcome::PicturesDue(task) = outcome {
+        if let Outcome::PicturesDue(mut task) = outcome {
+            self.count_delivery(&mut task);
             return self.threads.pause(*task, self.now());
         }
         let Some(running) = self.threads.finished(path) else { return };
@@ -74,9 +75,11 @@ impl<C: Corrector> Dispatcher<'_, C> {
             }
             Outcome::Delivered | Outcome::Uncertain => {
                 let is_certain = matches!(outcome, Outcome::Delivered);
-                self.tally.delivered += u64::from(is_certain);
-                let result = if is_certain { FinishedAs::Delivered } else { FinishedAs::Uncertain };
-                self.status.finished(&running.drop, &running.work, result);
+                if !running.is_counted {
+                    self.tally.delivered += u64::from(is_certain);
+                    let result = if is_certain { FinishedAs::Delivered } else { FinishedAs::Uncertain };
+                    self.status.finished(&running.drop, &running.work, result);
+                }
                 self.drawing_is_done(path, &running, went_along);
             }
             // It pauses, see above.
@@ -139,6 +142,19 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 }
             }
             Outcome::Stop(reason) => self.stopped = Some(reason),
+        }
+    }
+
+    /// Counts a drawing as soon as it is in the import folder: its pictures may be due for as long as other drops wait, and the
+    /// station may be interrupted before they are drawn.
+    fn count_delivery(&mut self, task: &mut Task) {
+        let is_new = |unfiled: &&mut Unfiled| {
+            unfiled.certainty == Certainty::Certain && !unfiled.is_resumed && !unfiled.is_counted
+        };
+        if let Some(unfiled) = task.unfiled.as_mut().filter(is_new) {
+            unfiled.is_counted = true;
+            self.tally.delivered += 1;
+            self.status.finished(&task.drop, &task.work, FinishedAs::Delivered);
         }
     }
 

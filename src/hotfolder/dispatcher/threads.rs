@@ -1,6 +1,6 @@
 //! The threads that do the jobs, and the job of each.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ffi::OsString;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender};
@@ -75,6 +75,8 @@ pub(super) struct Running {
     pub(super) settings_changes: u64,
     /// The drawing is already delivered, and is only filed.
     pub(super) was_delivered: bool,
+    /// The delivery is counted already.
+    pub(super) is_counted: bool,
     /// A spare thread does it.
     is_spare: bool,
     /// The folded name of the drawing that it makes.
@@ -139,6 +141,11 @@ impl Threads {
         .collect()
     }
 
+    /// The drops whose drawings are delivered, and whose pictures and originals are due.
+    pub(super) fn delivered(&self) -> BTreeSet<String> {
+        self.paused.values().map(|paused| paused.drop.to_string()).collect()
+    }
+
     /// Whether a thread is free for a job that is not known to be large. For each job that unexpectedly takes long, one
     /// more may run.
     pub(super) fn have_room(&self, now: Moment) -> bool {
@@ -164,7 +171,8 @@ impl Threads {
 
     /// Keeps a job that pauses.
     pub(super) fn pause(&mut self, task: Task, now: Moment) {
-        if let Some(running) = self.running.remove(task.path.as_os_str()) {
+        if let Some(mut running) = self.running.remove(task.path.as_os_str()) {
+            running.is_counted |= task.unfiled.as_ref().is_some_and(|unfiled| unfiled.is_counted);
             self.paused_bytes += bytes_of_drawing(&task);
             self.paused.insert(task.path.clone().into_os_string(), running);
             self.queue.push_back((now, task));
@@ -210,6 +218,7 @@ impl Running {
             companions_arrived: 0,
             settings_changes: 0,
             was_delivered: task.unfiled.is_some(),
+            is_counted: task.unfiled.as_ref().is_some_and(|unfiled| unfiled.is_counted),
             is_spare: false,
             result: task.work.result().map(|made| fold(&made)),
         }

@@ -317,6 +317,7 @@ impl Before {
             is_resumed: self.import != Import::Due,
             import: self.import,
             asked: false,
+            is_counted: false,
         }
     }
 }
@@ -453,6 +454,7 @@ impl Correction<'_> {
             is_resumed: matches!(how, How::BeforeTheCrash(_)) && import != Import::Due,
             import,
             asked: false,
+            is_counted: false,
         }
     }
 }

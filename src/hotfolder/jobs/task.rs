@@ -146,6 +146,8 @@ pub(crate) struct Unfiled {
     pub(crate) asked: bool,
     /// Whether the station delivered it before it was interrupted.
     pub(crate) is_resumed: bool,
+    /// Whether it is counted as delivered already.
+    pub(crate) is_counted: bool,
 }
 
 impl Unfiled {

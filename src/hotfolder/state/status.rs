@@ -1,7 +1,7 @@
 //! The status of a station, for people at another terminal and for programs: `state/status.json`, written at most once
 //! a second.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
@@ -381,6 +381,8 @@ pub(crate) struct StatusBoard {
 pub(crate) struct View<'a> {
     pub(crate) drops: &'a Drops,
     pub(crate) under_way: Vec<UnderWay>,
+    /// The drops whose drawings are delivered, and that are filed later.
+    pub(crate) delivered: BTreeSet<String>,
     /// The number of outdated drawings, and the first [`LISTED`] of them.
     pub(crate) outdated: (usize, Vec<(String, Sku)>),
     pub(crate) uncertain: Vec<UncertainDrawing>,
@@ -487,10 +489,15 @@ impl StatusBoard {
             let waits = |waiting: Waiting| Waits { drop: waiting.drop, reason: waiting.reason };
             listed(list.into_iter().map(waits).collect())
         };
+        // What belongs to a delivered drawing is neither copied nor queued.
+        waiting.retain(|drop| !view.delivered.contains(&drop.drop));
         // A waiting drop is listed as waiting while it is tried again. A drop that is being read is not listed as
         // incomplete.
         waiting.retain(|drop| drop.waits_for != WaitsFor::Turn || !running(drop));
-        let incomplete = incomplete.into_iter().filter(|drop| !running(drop)).collect();
+        let incomplete = incomplete
+            .into_iter()
+            .filter(|drop| !running(drop) && !view.delivered.contains(&drop.drop))
+            .collect();
         let (count, outdated) = &view.outdated;
         let outdated =
             outdated.iter().map(|(name, sku)| OutdatedDrawing { name: name.clone(), sku: sku.to_string() });
