@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::overrides::{JOB_TABLES, STATION_TABLES};
+use super::sku::Sku;
 use super::suggest::{listed, nearest};
 use crate::reason::{Place, Reason};
 
@@ -34,6 +35,13 @@ pub enum ConfigError {
         file: PathBuf,
         /// The other one.
         other: PathBuf,
+    },
+    /// The name of the file has an ending that isomark does not read.
+    Misnamed {
+        /// The file.
+        file: PathBuf,
+        /// The SKU that it is meant for.
+        sku: Sku,
     },
     /// The file may still be written.
     BeingSaved {
@@ -134,9 +142,10 @@ impl ConfigError {
     #[must_use]
     pub fn file(&self) -> Option<&Path> {
         match self {
-            Self::Unreadable { file, .. } | Self::Twice { file, .. } | Self::BeingSaved { file } => {
-                Some(file)
-            }
+            Self::Unreadable { file, .. }
+            | Self::Twice { file, .. }
+            | Self::Misnamed { file, .. }
+            | Self::BeingSaved { file } => Some(file),
             Self::NoSkuFiles { folder, .. } => Some(folder),
             _ => match self.spot()? {
                 Spot::File { file, .. } => Some(file),
@@ -151,6 +160,7 @@ impl ConfigError {
             Self::Unreadable { .. }
             | Self::NoSkuFiles { .. }
             | Self::Twice { .. }
+            | Self::Misnamed { .. }
             | Self::BeingSaved { .. } => None,
             Self::Syntax { spot, .. }
             | Self::UnknownKey { spot, .. }
@@ -178,6 +188,7 @@ impl ConfigError {
         match self {
             Self::Unreadable { .. } | Self::NoSkuFiles { .. } => "settings-unreadable",
             Self::Twice { .. } => "settings-twice",
+            Self::Misnamed { .. } => "name-misspelt",
             Self::BeingSaved { .. } => "settings-being-saved",
             Self::Syntax { .. } => "settings-syntax",
             Self::UnknownKey { .. } => "settings-unknown-key",
@@ -227,6 +238,12 @@ impl ConfigError {
             Self::NoSkuFiles { source, .. } => {
                 format!("The folder of the SKU files cannot be listed: {source}.")
             }
+            Self::Misnamed { file, sku } => {
+                format!(
+                    "{} is not read: the settings of SKU `{sku}` must have the name {sku}.toml.",
+                    file.display()
+                )
+            }
             Self::Twice { file, other } => format!(
                 "Two settings files are for the same SKU, {} and {}: their names differ only in case, or in how accents are composed.",
                 file.display(),
@@ -275,6 +292,10 @@ impl ConfigError {
                     .into()
             }
             Self::Twice { .. } => "Keep one of the two files.".into(),
+            Self::Misnamed { sku, .. } => format!(
+                "Rename it to {sku}.toml, or move it elsewhere if the SKU has no settings of its own. Windows hides the ending .txt: turn on \
+                 “File name extensions” in the Explorer."
+            ),
             Self::BeingSaved { .. } => "Wait: isomark reads them again in a moment.".into(),
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
             Self::Syntax { backslash: true, .. } => {

@@ -184,6 +184,13 @@ impl LiveSettings {
             return Err(ConfigError::BeingSaved { file: self.station.file.clone() });
         }
         let files = sku_files(&self.station.folders.skus).map(|mut files| files.remove(sku));
+        if let (Ok(None), false) = (&files, self.skus.contains_key(sku))
+            && let Some(file) = misnamed_files(&self.station.folders.skus).remove(sku)
+        {
+            let error = || ConfigError::Misnamed { file: file.clone(), sku: sku.clone() };
+            self.complain(error());
+            return Err(error());
+        }
         match files.and_then(|files| self.read_sku(sku, &files.unwrap_or_default())) {
             Ok(settings) => Ok(settings),
             Err(error @ ConfigError::BeingSaved { .. }) => Err(error),
@@ -219,7 +226,10 @@ impl LiveSettings {
         let station = &self.station.file;
         let known = |file: &PathBuf| self.skus.values().any(|sku| sku.file == *file);
         let is_found = |file: &PathBuf| found.values().flatten().any(|path| path == file);
-        let is_used = |file: &PathBuf| file == station || is_found(file) || known(file);
+        let misnamed = misnamed_files(&folder);
+        let is_misnamed =
+            |file: &PathBuf| misnamed.iter().any(|(sku, path)| path == file && !found.contains_key(sku));
+        let is_used = |file: &PathBuf| file == station || is_found(file) || known(file) || is_misnamed(file);
         let unused: Vec<PathBuf> = self.complaints.keys().filter(|file| !is_used(file)).cloned().collect();
         self.new_texts.retain(|file, _| is_used(file));
         for file in unused {
@@ -363,6 +373,30 @@ pub(crate) fn sku_files(folder: &Path) -> Result<BTreeMap<Sku, Vec<PathBuf>>, Co
     }
     files.values_mut().for_each(|files| files.sort());
     Ok(files)
+}
+
+/// Endings of settings files that were saved under a wrong name, in lower case. Editors add `.txt`, and Windows hides that.
+const MISNAMED: &[&str] = &[".toml.txt", ".tml", ".tolm"];
+
+/// The name of a settings file with a wrong ending, without that; `None` for all other names.
+pub(crate) fn misnamed_settings(name: &str) -> Option<&str> {
+    MISNAMED.iter().find_map(|ending| without_ending(name, ending))
+}
+
+/// A name without this ending, which is in lower case; `None` if it has another, or nothing else.
+pub(crate) fn without_ending<'n>(name: &'n str, ending: &str) -> Option<&'n str> {
+    let (stem, its) = name.split_at_checked(name.len().checked_sub(ending.len())?)?;
+    (its.eq_ignore_ascii_case(ending) && !stem.is_empty()).then_some(stem)
+}
+
+/// The misnamed settings files of each SKU, by its name.
+fn misnamed_files(folder: &Path) -> BTreeMap<Sku, PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let named = entries.filter_map(|path| {
+        let sku = misnamed_settings(path.file_name()?.to_str()?)?.parse().ok()?;
+        Some((sku, path))
+    });
+    named.collect()
 }
 
 /// The SKU whose settings are in this file, by its name.

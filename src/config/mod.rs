@@ -54,6 +54,8 @@ pub(crate) use lens_table::read as read_lens_table;
 #[cfg(any(feature = "cli", feature = "fleet"))]
 pub(crate) use live::sku_files;
 pub use live::{LiveSettings, SettingsEvent};
+#[cfg(feature = "station")]
+pub(crate) use live::{misnamed_settings, without_ending};
 pub use overrides::Overrides;
 pub use page::{Authority, BadAuthority, HostName, PageSettings, PasswordSource};
 pub use released::ReleasedSettings;

@@ -1299,6 +1299,13 @@ const CODES: &[Code] = &[
         "Rename the file without \\ : * ? \" < > | and without control characters.",
     ]),
     reason([
+        "name-misspelt",
+        "Settings or a list have an ending that isomark does not read.",
+        "Editors add .txt to the name of a file, and Windows hides that. A drawing is never marked without settings that were meant \
+         for it: it waits until the file has its name or is removed.",
+        "Rename the file as the remedy states. In the Explorer of Windows, turn on “File name extensions”.",
+    ]),
+    reason([
         "name-reserved",
         "The file's name is reserved for isomark's own notes.",
         "isomark stores a note under this name in the archive of each SKU.",
@@ -1999,6 +2006,12 @@ const CODES: &[Code] = &[
         "The key is misspelt, is in the wrong table, or belongs to another version. isomark refuses unknown keys \
          because a misspelt limit would have no effect.",
         "Correct or remove the key. The remedy names the nearest known one.",
+    ]),
+    notice([
+        "settings-unread",
+        "A file in the folder of the SKU files is not read.",
+        "Settings of a SKU have the name of the SKU and the ending .toml. Other files in this folder have no effect.",
+        "Rename the file if it has settings, or move it elsewhere.",
     ]),
     reason([
         "settings-unreadable",

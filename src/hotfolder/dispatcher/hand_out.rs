@@ -81,6 +81,9 @@ impl<C: Corrector> Dispatcher<'_, C> {
             let sku = sku.clone();
             return self.wait_for_part(path, &sku);
         }
+        if let (Work::Correct { .. }, Some((misnamed, right))) = (&work, self.drops.misnamed_of(path)) {
+            return self.retry_later(path, Obstacle::Other, waits_for_right_name(&misnamed, &right));
+        }
         let (id, relative, stamp) = (DropId::hot(&drop.relative), drop.relative.clone(), drop.settle.stamp());
         let (block, large) = (drop.block, is_large(drop));
         let mut deaths = self.lanes.deaths(drop);
@@ -217,6 +220,19 @@ fn ends_isomark(deaths: u32) -> Reason {
     let what = "isomark crashed each time it processed this file, possibly out of memory.";
     let remedy = "Export it with fewer triangles or lines, or add memory to the computer.";
     Reason::new("ends-isomark", what, remedy).with_number("crashes", f64::from(deaths), "", None)
+}
+
+/// Why a drawing waits beside settings or a list with a wrong ending: without them, it would be marked elsewhere, or otherwise.
+pub(super) fn waits_for_right_name(misnamed: &Path, right: &Path) -> Reason {
+    let [misnamed, right] =
+        [misnamed, right].map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    let what =
+        format!("{misnamed} is not read: its name must be {right}. The drawing of this name waits for it.");
+    let remedy = format!(
+        "Rename it to {right}, or remove it if the drawing needs no such file. Windows hides the ending .txt: turn on “File name \
+         extensions” in the Explorer."
+    );
+    Reason::new("name-misspelt", what, remedy).in_file(misnamed)
 }
 
 fn cut_short() -> Reason {

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::Dispatcher;
+use super::hand_out::waits_for_right_name;
 use super::threads::Running;
 use crate::config::Sku;
 use crate::hotfolder::api::{Corrector, Mode};
 use crate::hotfolder::jobs::{Outcome, Searched, Task, Unfiled, Work, filing};
 use crate::hotfolder::seen::{
     Block, Gap, Moment, Obstacle, Writer, delivered_as, folders, is_list, is_sidecar, other_form, sidecar_of,
+    well_named,
 };
 use crate::hotfolder::state::status::FinishedAs;
 use crate::hotfolder::state::{Certainty, with_slashes};
@@ -313,6 +315,8 @@ impl<C: Corrector> Dispatcher<'_, C> {
                 let remedy = "Drop the drawing again. The settings file stays in the hot folder until then. Next time drop the \
                               settings first.";
                 Reason::new("sidecar-late", what, remedy)
+            } else if let Some(right) = well_named(path) {
+                waits_for_right_name(path, &right)
             } else if is_list(path) {
                 let what = "The list waits for the drawing of the same name.";
                 let stem = drop.relative.with_extension("");

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::settle::{Ending, Settle};
 use super::{
     Found, Gap, Meaning, Moment, SettleTimes, Verdict, Writer, delivered_as, full_stem, is_list, is_sidecar,
-    meaning,
+    meaning, well_named,
 };
 use crate::config::{Sku, fold};
 use crate::formats::mesh::MeshFormat;
@@ -79,9 +79,10 @@ fn is_bitmap(relative: &Path) -> bool {
     relative.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("bmp"))
 }
 
-/// The folded full name without its extension.
+/// The folded full name without its extension; a misnamed file has the name that it should have.
 fn folded_name(relative: &Path) -> String {
-    fold(&full_stem(relative))
+    let right = well_named(relative);
+    fold(&full_stem(right.as_deref().unwrap_or(relative)))
 }
 
 impl Drops {
@@ -134,7 +135,7 @@ impl Drops {
         }
         let ending = match MeshFormat::from_name(&relative.to_string_lossy()) {
             // A list is short, and is written at once.
-            _ if is_list(relative) => Ending::Short,
+            _ if is_list(relative) || well_named(relative).is_some() => Ending::Short,
             Some(format) if !format.has_end_mark() => Ending::Unmarked,
             // The length is not enough: some programs reserve the full length before they write.
             Some(MeshFormat::Stl | MeshFormat::Ply) => Ending::Short,
@@ -247,6 +248,16 @@ impl Drops {
     /// The list that was seen for a pattern, in any spelling and form of its name.
     pub(crate) fn list_of(&self, pattern: &Path) -> Option<PathBuf> {
         self.companion_of(pattern, is_list)
+    }
+
+    /// Misnamed settings or a misnamed list of a pattern, with the path that the file should have. One that is there under the
+    /// right name is used.
+    pub(crate) fn misnamed_of(&self, pattern: &Path) -> Option<(PathBuf, PathBuf)> {
+        let mut found = self.of_name(pattern).filter_map(|path| Some((path.clone(), well_named(path)?)));
+        found.find(|(_, right)| {
+            let is_there = if is_list(right) { self.list_of(pattern) } else { self.sidecar_of(pattern) };
+            is_there.is_none()
+        })
     }
 
     /// A companion of this kind and of a pattern's name; one in the same folder before others.

@@ -11,7 +11,7 @@ pub(crate) use drops::{Block, Drop, Drops, Obstacle};
 pub(crate) use folders::{Found, Identity, LARGEST_DROP};
 pub(crate) use names::{
     Meaning, delivered_as, full_stem, is_ignored, is_list, is_sidecar, list_of, meaning, other_form,
-    sidecar_of,
+    sidecar_of, well_named,
 };
 pub(crate) use parked::{Filed, Parking};
 pub(crate) use settle::{Gap, Moment, SettleTimes, Stamp, Verdict, Writer};

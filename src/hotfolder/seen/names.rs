@@ -9,6 +9,7 @@
 //! | `.bin`, `.mtl`, other pictures, and any picture that a part names | companions: they are filed with that part |
 //! | `<sku>@<anything>.csv` | the list of products for the drawing `<sku>@<anything>.dxf`, `.svg`, …, filed with it |
 //! | `<name>.toml` | settings for the pattern `<name>.dxf`, `.svg`, `.png` or `.bmp`, filed with it |
+//! | `<name>.toml.txt`, `<name>.tml`, `<sku>@<anything>.csv.txt` | misnamed settings or a misnamed list: the pattern waits until they have their name |
 //!
 //! `<sku>/<anything>` and `<sku>@<anything>` are the same name: settings and lists belong to a pattern of either form.
 //!
@@ -16,7 +17,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use crate::config::Sku;
+use crate::config::{Sku, misnamed_settings, without_ending};
 use crate::formats::mesh::{MeshFormat, is_unread_part};
 use crate::formats::pattern::is_drawing;
 use crate::reason::Reason;
@@ -119,6 +120,20 @@ pub(crate) fn is_sidecar(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(SIDECAR))
 }
 
+/// The name that misnamed settings or a misnamed list should have; `None` for all other files. An editor may add `.txt`, and
+/// Windows hides that.
+pub(crate) fn well_named(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let right = match misnamed_settings(name) {
+        Some(stem) => format!("{stem}.{SIDECAR}"),
+        None => {
+            let stem = without_ending(name, ".csv.txt").filter(|stem| stem.contains('@'))?;
+            format!("{stem}.{LIST}")
+        }
+    };
+    Some(path.with_file_name(right))
+}
+
 /// Whether the file has the ending of a list of products; without an `@` in its name, it is a scan.
 pub(crate) fn is_list_ending(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(LIST))
@@ -208,7 +223,11 @@ pub fn meaning(relative: &Path) -> Result<Meaning, Reason> {
     let extension = extension.to_lowercase();
     // A name with `@` is meant as a drawing for a SKU, not as a texture.
     let is_companion = COMPANION_EXTENSIONS.contains(&extension.as_str()) && !stem.contains('@');
-    if is_companion || extension == SIDECAR || is_list(Path::new(name)) {
+    if is_companion
+        || well_named(Path::new(name)).is_some()
+        || extension == SIDECAR
+        || is_list(Path::new(name))
+    {
         return Ok(Meaning::Companion);
     }
     let is_part = MeshFormat::from_name(name).is_some();
@@ -340,6 +359,10 @@ mod tests {
             ("can.bin", Meaning::Companion),
             ("can.jpg", Meaning::Companion),
             ("can/can.mtl", Meaning::Companion),
+            ("can@l.toml.txt", Meaning::Companion),
+            ("can/l.TML", Meaning::Companion),
+            ("can@l.csv.txt", Meaning::Companion),
+            ("can.csv.txt", Meaning::Part(sku("can.csv"))),
         ] {
             assert_eq!(meaning(Path::new(relative)).unwrap(), expected, "{relative}");
         }
