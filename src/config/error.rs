@@ -283,6 +283,11 @@ impl ConfigError {
             Self::Unreadable { file, .. } if file.is_dir() => {
                 format!("Name the file in that folder, such as {}.", file.join("station.toml").display())
             }
+            Self::Unreadable { file, source }
+                if source.kind() != std::io::ErrorKind::InvalidData && file.to_string_lossy().contains('"') =>
+            {
+                "Remove the backslash in front of the closing quote: Windows takes \\\" for a quote that belongs to the name.".into()
+            }
             Self::Unreadable { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
                 "Check its name and its folder.".into()
             }
@@ -297,6 +302,9 @@ impl ConfigError {
                  “File name extensions” in the Explorer."
             ),
             Self::BeingSaved { .. } => "Wait: isomark reads them again in a moment.".into(),
+            Self::Unreadable { source, .. } if source.kind() == std::io::ErrorKind::InvalidData => {
+                "Save it as UTF-8; in the Editor (Notepad) of Windows with “Save as” and the encoding UTF-8.".into()
+            }
             Self::Unreadable { .. } => "Check the path, the permissions and that it is UTF-8 text.".into(),
             Self::Syntax { backslash: true, .. } => {
                 "Write paths with forward slashes, or put them in single quotes: 'C:\\laser\\import'.".into()

@@ -68,7 +68,11 @@ pub use settings::{
 };
 #[cfg(feature = "station")]
 pub(crate) use sku::fold;
+#[cfg(feature = "cli")]
+pub(crate) use sku::is_reserved_by_windows;
 pub use sku::{BadSku, Sku};
+#[cfg(feature = "cli")]
+pub(crate) use station::read as read_settings;
 pub use station::{DeliverySettings, FolderPaths, LogSettings, Retention, Station, Verify, Watch};
 #[cfg(feature = "station")]
 pub(crate) use suggest::{near, nearest_first};

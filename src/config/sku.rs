@@ -98,7 +98,7 @@ pub(crate) fn fold(name: &str) -> String {
 }
 
 /// Whether Windows opens a device under this name; it looks only at what precedes the first dot.
-fn is_reserved_by_windows(name: &str) -> bool {
+pub(crate) fn is_reserved_by_windows(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or(name).trim_end().to_uppercase();
     let numbered = |prefix: &str| {
         stem.strip_prefix(prefix).is_some_and(|rest| {

@@ -462,10 +462,19 @@ fn understood<T: DeserializeOwned>(text: &SettingsText) -> Result<T, ConfigError
 }
 
 /// The text of a settings file.
-pub(super) fn read(file: &Path) -> Result<String, ConfigError> {
+pub(crate) fn read(file: &Path) -> Result<String, ConfigError> {
     let unreadable = |source| ConfigError::Unreadable { file: file.into(), source };
     // Not through fs-err: the error already names its file.
-    std::fs::read_to_string(file).map_err(unreadable)
+    let bytes = std::fs::read(file).map_err(unreadable)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let encoding = match error.as_bytes() {
+            [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "UTF-16",
+            [_, 0, ..] | [0, _, ..] => "UTF-16 without a byte order mark",
+            _ => "the code page of an older Windows program (ANSI)",
+        };
+        let what = format!("it is not UTF-8 text, but seems to be in {encoding}");
+        unreadable(std::io::Error::new(std::io::ErrorKind::InvalidData, what))
+    })
 }
 
 #[derive(Deserialize)]
@@ -562,7 +571,7 @@ impl FolderKeys {
             ("state", self.state.as_ref()),
         ];
         for given in all.iter().filter_map(|(_, given)| *given) {
-            refuse_half_absolute(text, given)?;
+            refuse_odd_path(text, given)?;
         }
         let all = all.map(|(name, given)| {
             let path = given.map_or(Path::new(name), |given| given.get_ref());
@@ -603,6 +612,56 @@ impl FolderKeys {
 /// The later one of two places; an option of the command line is later than the file.
 fn later<'a>(one: &'a Range<usize>, other: &'a Range<usize>) -> &'a Range<usize> {
     if other.start > one.start { other } else { one }
+}
+
+/// Refuses a path that names another folder than it seems to.
+fn refuse_odd_path(text: &SettingsText, given: &Spanned<PathBuf>) -> Result<(), ConfigError> {
+    let path = given.get_ref().to_string_lossy();
+    let wrong = |what: String, remedy: String| {
+        Err(ConfigError::Contradiction { spot: text.spot(&given.span()), what, remedy })
+    };
+    if let Some(control) = path.chars().find(|c| c.is_control()) {
+        let character = match control {
+            '\t' => "a tab (\\t)".to_owned(),
+            '\n' => "a line break (\\n)".to_owned(),
+            other => format!("the control character {other:?}"),
+        };
+        return wrong(
+            format!("The path has {character}: in double quotes, a backslash begins such a character."),
+            "Put paths with backslashes in single quotes, such as 'C:\\temp\\new', or write C:/temp/new."
+                .into(),
+        );
+    }
+    if let Some(variable) = variable_in(&path) {
+        return wrong(
+            format!(
+                "The path has {variable}, which isomark does not replace: it would be the name of a folder."
+            ),
+            "Write the whole path, such as 'C:\\laser\\hot' or /srv/laser/hot, or one relative to this file."
+                .into(),
+        );
+    }
+    refuse_half_absolute(text, given)
+}
+
+/// What only a shell replaces in a path: `~`, `$HOME`, `%TEMP%`.
+fn variable_in(path: &str) -> Option<&str> {
+    let parts = || path.split(['/', '\\']);
+    let is_word =
+        |text: &str| !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || "_()".contains(c));
+    if let Some(home) = parts().next().filter(|first| *first == "~") {
+        return Some(home);
+    }
+    let begins_variable = |part: &&str| {
+        part.strip_prefix('$')
+            .is_some_and(|rest| rest.starts_with('{') || rest.starts_with("env:") || is_word(rest))
+    };
+    let is_replaced_on_windows = |part: &&str| {
+        let mut pieces = part.split('%').skip(1);
+        let name = pieces.next().unwrap_or_default();
+        is_word(name) && pieces.next().is_some()
+    };
+    parts().find(|part| begins_variable(part) || is_replaced_on_windows(part))
 }
 
 /// Refuses a path that on Windows depends on the drive or the folder in which the program was started (`C:laser`,
@@ -818,7 +877,7 @@ impl LogKeys {
         let keep = number("log.keep", &self.keep, 5.0, 1.0..=1000.0, "files")? as usize;
         let largest = (megabytes * 1e6) as u64;
         let Some(given) = self.file else { return Ok(None) };
-        refuse_half_absolute(text, &given)?;
+        refuse_odd_path(text, &given)?;
         let file = normal(&base.join(given.get_ref()));
         for (name, folder) in [("hot", &folders.hot), ("import", &folders.import)] {
             if comparable(&file).starts_with(comparable(folder)) {
