@@ -1,7 +1,7 @@
 //! `isomark check` and `isomark init`: checks settings before they are used, and sets up a first station.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use clap::Args;
 use fs_err as fs;
@@ -10,9 +10,13 @@ use super::named_files::share_is_there;
 use super::outcome::{Exit, Failure, Outcome, print, shown};
 use super::set::SetArguments;
 use super::shell;
-use crate::config::{ConfigError, DeliveryKind, FolderPaths, JobSettings, Sku, Station, TilesAs};
+use crate::config::{
+    ConfigError, DeliveryKind, FolderPaths, JobSettings, Sku, Station, TilesAs, is_reserved_by_windows,
+    misnamed_settings, read_settings,
+};
 use crate::files::{temporary, write_whole};
-use crate::hotfolder::{self, UsedFolder};
+use crate::hotfolder::names::is_ignored;
+use crate::hotfolder::{self, StationLock, UsedFolder, is_hot_folder_held};
 use crate::pipeline::{check_fixed_codes, misspelt_fields};
 use crate::printable::on_one_line;
 use crate::reason::{Notice, Reason};
@@ -58,6 +62,20 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
             Err(failure) => mistakes.push(failure),
         }
     }
+    let mut unread = Vec::new();
+    for path in unread_files(&station.folders.skus) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        match misnamed_settings(&name).and_then(|stem| stem.parse::<Sku>().ok()) {
+            Some(sku) if !checked.contains_key(&sku) => {
+                mistakes.push(ConfigError::Misnamed { file: path, sku }.into());
+            }
+            _ => {
+                let message =
+                    format!("{} is not read: settings of a SKU have the name SKU.toml", path.display());
+                unread.push(Notice::warning("settings-unread", message));
+            }
+        }
+    }
     if let Err(reason) = check_fixed_codes(&station.settings.content) {
         let reason = reason.in_file(arguments.station.display().to_string());
         mistakes.push(Failure::new(Exit::Usage, reason));
@@ -72,6 +90,13 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
         let what = format!("The hot folder cannot be listed: {error}.");
         let remedy = "Give the user that runs the station the right to read it, or name another folder.";
         troubles.push(Reason::new("folder-unreadable", what, remedy));
+    }
+    // The station itself may be running.
+    let is_running = StationLock::holder(&station.folders.state).is_ok_and(|holder| holder.is_some());
+    if !is_running && is_hot_folder_held(&station.folders.hot) {
+        let what = format!("Another station uses the hot folder {} now.", station.folders.hot.display());
+        let remedy = "Stop that station first, or give this one its own `hot` and `state` folders.";
+        troubles.push(Reason::new("hot-folder-held", what, remedy));
     }
     if let Some(log) = &station.log
         && log.file.is_dir()
@@ -94,6 +119,7 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
     }
     let mut notices = misspelt_fields(&station.settings.content);
     notices.extend(without_effect);
+    notices.extend(unread);
     if let Some(lens) = station.settings.optics.lens.measured() {
         let table = LensTableReport::from(lens.residuals());
         print(&format!("  lens table  {}\n", table.summary()));
@@ -118,7 +144,8 @@ fn refuse_for(mut failures: Vec<Failure>) -> Outcome {
     Err(last)
 }
 
-/// The folders into which this user cannot write. For a folder that does not exist yet, its parent is tried.
+/// The folders into which this user cannot write. A folder that does not exist yet is made and removed again: only that shows
+/// whether it can be made.
 fn unwritable(folders: &FolderPaths) -> Vec<Reason> {
     let FolderPaths { hot, import, archive, rejected, cache, reports, state, skus: _ } = folders;
     let all = [
@@ -131,14 +158,51 @@ fn unwritable(folders: &FolderPaths) -> Vec<Reason> {
         ("state", state),
     ];
     let trouble = |(purpose, path): (&str, &PathBuf)| {
-        let full = std::path::absolute(path).ok()?;
-        let error = temporary(full.ancestors().find(|folder| folder.exists())?).err()?;
-        let what = format!("The {purpose} folder {} cannot be written: {error}.", path.display());
-        let remedy =
-            "Give the user that runs the station the right to write into it, or name another folder.";
+        let (error, is_made) = match make_for_a_moment(path) {
+            Ok(()) => return None,
+            Err(failed) => failed,
+        };
+        let cannot = if is_made { "written" } else { "made" };
+        let what = format!("The {purpose} folder {} cannot be {cannot}: {error}.", path.display());
+        let remedy = match is_made {
+            true => "Give the user that runs the station the right to write into it, or name another folder.",
+            false => {
+                "Connect its share, give the user that runs the station the right to make it, or name another folder."
+            }
+        };
         Some(Reason::new("folder-unwritable", what, remedy))
     };
     all.into_iter().filter_map(trouble).collect()
+}
+
+/// Makes a folder, if there is none, writes a file into it, and removes what was made. The error states whether the folder is
+/// there or could be made.
+fn make_for_a_moment(path: &Path) -> Result<(), (std::io::Error, bool)> {
+    let full = std::path::absolute(path).map_err(|error| (error, false))?;
+    // Windows makes no folder of this name, or opens a device.
+    let reserved = full.components().find(
+        |part| matches!(part, Component::Normal(name) if is_reserved_by_windows(&name.to_string_lossy())),
+    );
+    if let Some(name) = reserved.filter(|_| cfg!(windows)) {
+        let what = format!("Windows reserves the name {}", name.as_os_str().display());
+        return Err((std::io::Error::new(std::io::ErrorKind::InvalidFilename, what), false));
+    }
+    let missing: Vec<&Path> = full.ancestors().take_while(|folder| !folder.exists()).collect();
+    let mut made = Vec::new();
+    let mut outcome = Ok(());
+    for folder in missing.iter().rev() {
+        if let Err(error) = fs::create_dir(folder) {
+            outcome = Err((error, false));
+            break;
+        }
+        made.push(*folder);
+    }
+    if outcome.is_ok() {
+        outcome = temporary(&full).map(drop).map_err(|error| (error, true));
+    }
+    // Only empty folders are removed: a station may have been started meanwhile.
+    made.iter().rev().for_each(|folder| drop(fs::remove_dir(folder)));
+    outcome
 }
 
 fn sku_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
@@ -151,6 +215,18 @@ fn sku_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     files.retain(|path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")));
     files.sort();
     Ok(files)
+}
+
+/// The files in the folder of the SKU files that nothing reads, except those of the system and of editors.
+fn unread_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_unread = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        path.is_file() && !is_ignored(&name) && !name.to_lowercase().ends_with(".toml")
+    };
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_unread).collect();
+    files.sort();
+    files
 }
 
 /// Warns of tiles in files of their own, which a station does not write.
@@ -170,8 +246,7 @@ fn check_sku_file(station: &Station, path: &Path) -> Result<(Sku, JobSettings), 
     let sku = stem
         .parse::<Sku>()
         .map_err(|error| Failure::new(Exit::Usage, error.reason().in_file(path.display().to_string())))?;
-    let unreadable = |source| ConfigError::Unreadable { file: path.into(), source };
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let text = read_settings(path)?;
     let settings = station.settings.overridden_by(path, &text)?;
     check_fixed_codes(&settings.content)
         .map_err(|reason| Failure::new(Exit::Usage, reason.in_file(path.display().to_string())))?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::outcome::{Exit, Failure, Outcome, tell};
 use crate::cache::Cache;
-use crate::config::Station;
+use crate::config::{Station, is_reserved_by_windows};
 use crate::formats::mesh::PartFile;
 use crate::hotfolder::{UsedFolder, known_share_is_there};
 use crate::reason::Reason;
@@ -71,6 +71,12 @@ fn write_with(path: &Path, write: impl FnOnce(&Path, &str) -> std::io::Result<()
     if path.is_dir() {
         return Err(file_trouble("write", path, &ErrorKind::IsADirectory.into()));
     }
+    if cfg!(windows) && is_reserved_by_windows(&name) && !is_device(path) {
+        return Err(Failure::usage(
+            format!("Windows reserves the name {name} for a device."),
+            "Give the file another name.",
+        ));
+    }
     write(folder, &name).map_err(|error| file_trouble("write", path, &error))
 }
 
@@ -100,6 +106,15 @@ pub(super) fn apart(read: &[&Path], written: &[(&str, &Path)]) -> Outcome {
 pub(super) fn file_trouble(verb: &str, path: &Path, error: &std::io::Error) -> Failure {
     let (file, folder) = (path.display(), folder_of(path).display());
     let (what, remedy) = match error.kind() {
+        // The shells of other systems replace it.
+        ErrorKind::NotFound | ErrorKind::InvalidFilename | ErrorKind::InvalidInput
+            if verb == "read" && path.to_string_lossy().contains(['*', '?']) =>
+        {
+            (
+                format!("There is no file {file}: isomark does not replace * and ? in names."),
+                "Name each file; with several drawings, run the command once for each, or drop them into a hot folder.".to_owned(),
+            )
+        }
         ErrorKind::NotFound if verb == "read" => {
             (format!("There is no file {file}."), "Check its name and its folder.".to_owned())
         }

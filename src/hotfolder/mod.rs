@@ -161,7 +161,7 @@ pub use seen::names::{self, CURRENT_PART};
 pub use seen::{StopSignal, settle};
 pub use state::{Holder, Request, StationLock, status};
 #[cfg(feature = "cli")]
-pub(crate) use state::{UsedFolder, known_share_is_there};
+pub(crate) use state::{UsedFolder, is_hot_folder_held, known_share_is_there};
 
 #[cfg(test)]
 mod tests {

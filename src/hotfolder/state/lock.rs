@@ -59,6 +59,12 @@ impl HotLock {
     }
 }
 
+/// Whether another station uses the hot folder now.
+#[cfg(feature = "cli")]
+pub(crate) fn is_hot_folder_held(hot: &Path) -> bool {
+    hot.exists() && HotLock::take(hot).is_none()
+}
+
 #[cfg(unix)]
 fn lockable(hot: &Path) -> std::io::Result<std::fs::File> {
     std::fs::File::open(hot)

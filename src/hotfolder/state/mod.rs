@@ -17,6 +17,8 @@ pub(crate) use journal::{
 };
 pub(crate) use lock::HotLock;
 pub use lock::StationLock;
+#[cfg(feature = "cli")]
+pub(crate) use lock::is_hot_folder_held;
 pub(crate) use parts::PartNote;
 pub use requests::Request;
 pub(crate) use shares::Shares;
