@@ -1,6 +1,6 @@
 //! `isomark status` and `isomark retry`: shows and controls a running station from another terminal.
 
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write};
 use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
@@ -12,6 +12,7 @@ use super::outcome::{Exit, Failure, Outcome, print, print_json, shown, tell};
 use super::send::take_over;
 use super::set::SetArguments;
 use crate::config::{FolderPaths, Sku, Station, fold};
+use crate::files::temporary;
 use crate::hotfolder::status::{
     Kept, Listed, OutdatedDrawing, State, Status, UncertainDrawing, UnderWay, Waits,
 };
@@ -20,6 +21,9 @@ use crate::hotfolder::{
 };
 use crate::printable::on_one_line;
 use crate::reason::Reason;
+
+/// What is written to find out whether a disk is full, bytes: more than a file system keeps beside the name of a file.
+const ROOM: usize = 64 << 10;
 
 #[derive(Debug, Args)]
 pub(super) struct StatusArguments {
@@ -36,7 +40,8 @@ pub(super) struct StatusArguments {
 #[command(group = clap::ArgGroup::new("forced").args(["take_over", "drops"]))]
 pub(super) struct RetryArguments {
     /// The station's settings.
-    station: PathBuf,
+    #[arg(required_unless_present = "outdated")]
+    station: Option<PathBuf>,
     /// Drops, by their names in the hot folder: rejected ones are put back there, uncertain drawings are delivered again, and
     /// waiting ones are tried now. Without a name, everything that waits is tried now.
     #[arg(value_name = "DROP")]
@@ -99,6 +104,9 @@ pub(super) fn run(arguments: &StatusArguments) -> Outcome {
         return Err(Failure::usage(what, "Start it with `isomark watch`."));
     };
     status.in_rejected = count_rejected(&folders.rejected).ok();
+    if status.running {
+        status.troubles.extend(full_disks(&folders));
+    }
     let import = folders.import_trouble().map(|reason| reason.on_one_line());
     status.troubles.extend(import.filter(|trouble| !status.troubles.contains(trouble)));
     if arguments.json {
@@ -111,16 +119,52 @@ pub(super) fn run(arguments: &StatusArguments) -> Outcome {
     Ok(())
 }
 
+/// The station's file, and the SKU whose outdated drawings are meant. What follows `--outdated` is the file if none is named
+/// before it.
+fn station_and_outdated(arguments: &RetryArguments) -> Result<(&Path, Option<Option<&str>>), Failure> {
+    let outdated = arguments.outdated.as_ref().map(Option::as_deref);
+    match (&arguments.station, outdated) {
+        (Some(station), outdated) => Ok((station, outdated)),
+        (None, Some(Some(file))) if Path::new(file).is_file() || file.ends_with(".toml") => {
+            Ok((Path::new(file), Some(None)))
+        }
+        (None, _) => Err(Failure::usage(
+            "The command line names no station.",
+            "Name the station's file first: `isomark retry STATION --outdated SKU`.",
+        )),
+    }
+}
+
+/// The folders whose disk is full. The station cannot write that into its status, because its status would be a file there.
+fn full_disks(folders: &FolderPaths) -> Vec<String> {
+    let FolderPaths { state, archive, reports, .. } = folders;
+    let is_full = |folder: &&PathBuf| {
+        let written = temporary(folder).and_then(|mut file| {
+            file.write_all(&[0; ROOM])?;
+            file.as_file().sync_all()
+        });
+        let kind = written.err().map(|error| error.kind());
+        matches!(kind, Some(ErrorKind::StorageFull | ErrorKind::QuotaExceeded))
+    };
+    let full = [("state", state), ("archive", archive), ("reports", reports)];
+    let full = full.into_iter().filter(|(_, folder)| is_full(folder));
+    full.map(|(purpose, folder)| {
+        format!("the disk of the {purpose} folder {} is full: free some space", folder.display())
+    })
+    .collect()
+}
+
 pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
+    let (station, outdated) = station_and_outdated(arguments)?;
     if let Some(target) = &arguments.take_over {
         let place = Place {
-            fleet: arguments.station.to_string_lossy().into_owned(),
+            fleet: station.to_string_lossy().into_owned(),
             password_file: arguments.password_file.clone(),
             certificate: arguments.certificate.clone(),
         };
         return take_over(&place, target, arguments.to.as_deref(), arguments.force);
     }
-    let folders = folders_of(&arguments.station, &arguments.set)?;
+    let folders = folders_of(station, &arguments.set)?;
     let state = &folders.state;
     let runs = StationLock::holder(state).map_err(|error| Failure::environment(&error))?.is_some();
     let then = if runs { "" } else { " when the station is started" };
@@ -176,8 +220,8 @@ pub(super) fn retry(arguments: &RetryArguments) -> Outcome {
         trouble.iter().for_each(|reason| tell(&format!("isomark: {reason}")));
         return Err(Failure::new(Exit::Environment, last));
     }
-    let request = match &arguments.outdated {
-        Some(sku) => Request::Outdated(sku.as_deref().map(parse_sku).transpose()?),
+    let request = match outdated {
+        Some(sku) => Request::Outdated(sku.map(parse_sku).transpose()?),
         None if arguments.uncertain => Request::Uncertain(None),
         None => Request::Waiting,
     };

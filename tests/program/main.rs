@@ -32,6 +32,7 @@ mod retention;
 mod schema;
 mod beam;
 mod cache;
+mod slips;
 mod current_part;
 mod inspect_and_diff;
 mod station;

@@ -134,7 +134,9 @@ fn elsewhere(drop: &str) -> Reason {
 
 /// Whether a typed `name` is that of the drop: its real name, or the form that a terminal shows.
 fn names(name: &str, drop: &str) -> bool {
-    name == drop || name == on_one_line(drop)
+    // Windows also takes another spelling and backslashes.
+    let is_alike = || cfg!(windows) && fold(&name.replace('\\', "/")) == fold(drop);
+    name == drop || name == on_one_line(drop) || is_alike()
 }
 
 /// The number of rejected drops in the folder.
@@ -188,10 +190,12 @@ fn collect(folder: &Path, depth: usize, reasons: &mut Vec<PathBuf>) -> std::io::
         entries => entries?,
     };
     for entry in entries {
-        let path = entry?.path();
-        if path.is_dir() && depth < 2 {
+        let entry = entry?;
+        // Links are not followed: they may lead out of the folder.
+        let (path, kind) = (entry.path(), entry.file_type()?);
+        if kind.is_dir() && depth < 2 {
             collect(&path, depth + 1, reasons)?;
-        } else if path.to_string_lossy().ends_with(REASON) {
+        } else if kind.is_file() && path.to_string_lossy().ends_with(REASON) {
             reasons.push(path);
         }
     }
