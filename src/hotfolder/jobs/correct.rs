@@ -14,7 +14,7 @@ use crate::formats::mesh::MeshFormat;
 use crate::hotfolder::api::{Corrector, Delivery, JobError};
 use crate::hotfolder::beamserver;
 use crate::hotfolder::error::{folder_trouble, guarded};
-use crate::hotfolder::seen::{Meaning, delivered_as, folders, meaning, sidecar_of};
+use crate::hotfolder::seen::{Found, Meaning, delivered_as, folders, meaning, sidecar_of};
 use crate::hotfolder::state::{Certainty, Delivered, DropId, Import, Job};
 use crate::reason::Reason;
 
@@ -86,6 +86,11 @@ impl<C: Corrector> Executor<'_, C> {
                 now.as_deref().map_or(Ok(()), |now| self.may_replace(&drawing, now))?;
                 previous = now;
             }
+        }
+        // The older version would be marked, although its designer has replaced it.
+        if before.is_none() && !task.drop.is_archived() && is_replaced(task) {
+            tracing::info!("{} was replaced while it was corrected, and is read again", task.drop);
+            return Ok(Outcome::Changed);
         }
         let how = match &before {
             Some(before) => How::BeforeTheCrash(before.certainty),
@@ -457,6 +462,11 @@ impl Correction<'_> {
             is_counted: false,
         }
     }
+}
+
+/// Whether another file has the name of the drop now.
+fn is_replaced(task: &Task) -> bool {
+    matches!(folders::look(&task.path), Ok(Some(Found::File(now))) if now != task.stamp)
 }
 
 /// Why a drawing waits whose part another station has fitted.
