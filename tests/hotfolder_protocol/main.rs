@@ -1056,3 +1056,37 @@ fn a_link_is_not_followed() {
     line.waits_for_empty_hot();
     assert!(line.import().is_empty());
 }
+
+/// The older version would be marked, although its designer has replaced it.
+#[test]
+fn a_drawing_that_is_replaced_while_it_is_corrected_is_not_delivered_in_its_older_version() {
+    let mut line = Line::running();
+    line.drop("can.glb", "part");
+    line.waits_for_empty_hot();
+    line.rename_into("can.dxf", "hold");
+    line.waits_for("the correction", |line| line.seen.holding.load(Ordering::SeqCst) == 1);
+    line.rename_into("can.dxf", "newer");
+    line.seen.released.store(true, Ordering::SeqCst);
+    line.waits_for_text("import/can.dxf", "newer on part at 0");
+    line.waits_for_empty_hot();
+    assert_eq!(files(&line.path("archive/can")), ["can.dxf", "can.glb", "current-part.txt"]);
+    assert_eq!(line.stop().delivered, 1);
+}
+
+/// Where they are two files, people mean two drawings.
+#[test]
+fn drawings_whose_names_differ_in_case_do_not_replace_each_other_if_both_are_there() {
+    let mut line = Line::new();
+    line.drop("can.glb", "part");
+    line.drop("can@a.dxf", "one");
+    if line.path("hot/can@A.dxf").exists() {
+        return;
+    }
+    line.drop("can@A.dxf", "two");
+    line.drop("can@a.DXF", "three");
+    let tally = line.once();
+    assert_eq!((tally.delivered, tally.rejected), (1, 2));
+    let rejected = files(&line.path("rejected"));
+    assert_eq!(rejected.iter().filter(|name| name.ends_with(".reason.json")).count(), 2, "{rejected:?}");
+    assert_eq!(line.import().len(), 1);
+}

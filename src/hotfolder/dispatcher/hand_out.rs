@@ -142,6 +142,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
             read: None,
             sidecar: self.drops.sidecar_of(path),
             list: self.drops.list_of(path),
+            has_rival: self.drops.get(path).is_some_and(|drop| drop.has_rival),
         };
         if let Work::Correct { sku, .. } | Work::CorrectAgain { sku, .. } = &task.work {
             if self.drops.has_part(sku) { self.executor.part_arrived(sku) } else { self.executor.begins(sku) }

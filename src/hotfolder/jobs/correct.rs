@@ -357,7 +357,7 @@ impl Correction<'_> {
         let is_of_another = |last: &&Delivered| {
             last.job.result == hash
                 && last.job.result != self.result.result
-                && fold(&pattern_of(&last.job.drop)) != fold(&pattern_of(&task.drop))
+                && !is_same_pattern(&last.job.drop, &task.drop, task.has_rival)
         };
         let Some(last) = self.last.as_ref().filter(is_of_another) else { return Ok(()) };
         let older = &last.job.drop;
@@ -504,6 +504,12 @@ fn is_same_drop(a: &DropId, b: &DropId) -> bool {
     a == b || ((a.is_archived() || b.is_archived()) && fold(&pattern_of(a)) == fold(&pattern_of(b)))
 }
 
+/// Whether two drops are the same drawing. A name in another spelling is the same one, unless both were there at the same time.
+fn is_same_pattern(a: &DropId, b: &DropId, were_together: bool) -> bool {
+    let [a, b] = [pattern_of(a), pattern_of(b)];
+    a == b || fold(&a) == fold(&b) && !were_together
+}
+
 /// The name of a drawing, with its ending.
 fn pattern_of(drop: &DropId) -> String {
     match drop {
@@ -577,6 +583,21 @@ mod tests {
         ] {
             let [a, b] = [a, b].map(|drop| DropId::from(drop.to_owned()));
             assert_eq!(is_same_drop(&a, &b), same, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn names_that_differ_in_case_are_two_drawings_if_both_were_there() {
+        for (a, b, same, same_later) in [
+            ("abc.dxf", "abc.dxf", true, true),
+            ("abc.dxf", "ABC.dxf", false, true),
+            ("abc.dxf", "abc.DXF", false, true),
+            ("mug/pic.dxf", "mug@pic.dxf", true, true),
+            ("mug@pic.png", "mug@pic.dxf", false, false),
+        ] {
+            let [a, b] = [a, b].map(|drop| DropId::from(drop.to_owned()));
+            assert_eq!(is_same_pattern(&a, &b, true), same, "{a} {b}");
+            assert_eq!(is_same_pattern(&a, &b, false), same_later, "{a} {b}");
         }
     }
 

@@ -44,6 +44,8 @@ pub(crate) struct Task {
     pub(crate) sidecar: Option<PathBuf>,
     /// The list that was seen for the drop.
     pub(crate) list: Option<PathBuf>,
+    /// A drawing whose name differs only in its spelling was in the hot folder at the same time.
+    pub(crate) has_rival: bool,
 }
 
 impl Task {

@@ -32,6 +32,8 @@ pub(crate) struct Drop {
     pub(crate) last_reason: Option<Reason>,
     /// It turned out to be a large job.
     pub(crate) takes_long: bool,
+    /// A drawing that arrived before has this name in another spelling.
+    pub(crate) has_rival: bool,
 }
 
 /// What prevents a settled drop from being processed.
@@ -142,6 +144,16 @@ impl Drops {
             _ if is_sidecar(relative) || is_bitmap(relative) => Ending::Short,
             _ => Ending::Marked,
         };
+        let spelling = fold(&relative.to_string_lossy());
+        let is_rival = |other: &PathBuf| {
+            *other != path
+                && self
+                    .all
+                    .get(other)
+                    .is_some_and(|other| fold(&other.relative.to_string_lossy()) == spelling)
+        };
+        let has_rival = matches!(meaning, Ok(Meaning::Pattern { .. }))
+            && self.by_name.get(&folded_name(relative)).is_some_and(|of_name| of_name.iter().any(is_rival));
         let settle = Settle::new(stamp, writer, now, still_for).ending(ending);
         let (number, block) = (self.count, Block::Free);
         self.count += 1;
@@ -154,6 +166,7 @@ impl Drops {
             lacks: None,
             last_reason: None,
             takes_long: false,
+            has_rival,
         };
         self.all.insert(path, drop);
     }
