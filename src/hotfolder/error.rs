@@ -2,6 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 use crate::hotfolder::api::JobError;
 use crate::hotfolder::state::Holder;
@@ -21,6 +22,11 @@ pub(crate) fn guarded<T>(call: impl FnOnce() -> Result<T, JobError>) -> Result<T
 /// The reason for a folder that fails: the drop stays and is tried again, since folders become available again.
 pub(crate) fn folder_trouble(error: std::io::Error) -> JobError {
     use std::io::ErrorKind::{PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
+    if is_held_open(&error) {
+        let what = format!("Another program has a file of the station open: {error}.");
+        let remedy = "Close the program that has it open, or let it read files without locking them; the job then continues by itself.";
+        return JobError::Retry(Reason::new("file-held-open", what, remedy));
+    }
     let how = match error.kind() {
         StorageFull | QuotaExceeded => "is full",
         ReadOnlyFilesystem => "is read-only",
@@ -32,10 +38,27 @@ pub(crate) fn folder_trouble(error: std::io::Error) -> JobError {
     JobError::Retry(Reason::new("folder-trouble", format!("A folder of the station {how}: {error}."), remedy))
 }
 
-/// Warns about a line that could not be written to the journal. The next start finds out the same from the folders.
+/// Whether another program has locked the file, or has it open in a way that Windows does not let others touch it.
+fn is_held_open(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{ExecutableFileBusy, ResourceBusy};
+    // Sharing violation and lock violation. An error that names its file has the number only in its text.
+    let is_code = |code: i32| {
+        error.raw_os_error() == Some(code) || error.to_string().contains(&format!("(os error {code})"))
+    };
+    matches!(error.kind(), ResourceBusy | ExecutableFileBusy)
+        || cfg!(windows) && [32, 33].into_iter().any(is_code)
+}
+
+/// Warns about a line that could not be written to the journal. The next start finds out the same from the folders. The same
+/// problem, such as a full disk, is warned of once until a line is written again.
 pub(crate) fn warn_if_not_noted(noted: std::io::Result<()>) {
-    if let Err(error) = noted {
-        tracing::warn!("a line of the journal could not be written: {error}");
+    static LAST: Mutex<Option<String>> = Mutex::new(None);
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    let Err(error) = noted else { return *last = None };
+    let text = error.to_string();
+    if last.as_ref() != Some(&text) {
+        tracing::warn!("a line of the journal could not be written: {text}");
+        *last = Some(text);
     }
 }
 

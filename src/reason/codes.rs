@@ -451,6 +451,13 @@ const CODES: &[Code] = &[
          or mark and measure again after the correction. Check the ruler.",
     ]),
     reason([
+        "file-held-open",
+        "Another program has a file of the station open.",
+        "The station writes drawings, reports and originals under names that may exist already. A program that has such a file open, \
+         such as the marking software or a viewer, does not let it be replaced.",
+        "Close the program that has the file open. The job then continues by itself.",
+    ]),
+    reason([
         "file-too-large",
         "The file is larger than a hot folder accepts.",
         "The limit protects the station's memory. The number in the reason is the size of the file or of a file \

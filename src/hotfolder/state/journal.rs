@@ -89,6 +89,8 @@ pub(crate) struct Journal {
     /// Length of the file up to the last complete line.
     length: u64,
     lines: usize,
+    /// Why the last line could not be written.
+    unwritten: Option<String>,
     open: BTreeMap<DropId, OpenJob>,
     results: Results,
     /// The folded names of the results that were added while the journal is being rewritten.
@@ -137,6 +139,7 @@ impl Journal {
             file: None,
             length: 0,
             lines: 0,
+            unwritten: None,
             open: BTreeMap::new(),
             results: Results::default(),
             changed: None,
@@ -209,6 +212,11 @@ impl Journal {
 
     /// Why something may be missing in the journal: lines of it were damaged, and nobody has removed the copy of it since.
     pub(crate) fn trouble(&self) -> Option<String> {
+        if let Some(error) = &self.unwritten {
+            return Some(format!(
+                "a line of the journal could not be written: {error}. Free space on the disk of the state folder"
+            ));
+        }
         let copy = self.folder.join(DAMAGED);
         copy.exists().then(|| {
             format!(
@@ -521,8 +529,11 @@ impl Journal {
                 file.set_len(self.length)?;
                 file.sync_data()?;
             }
-            return Err(crate::files::named(error, "cannot write", &self.folder.join(JOURNAL)));
+            let error = crate::files::named(error, "cannot write", &self.folder.join(JOURNAL));
+            self.unwritten = Some(error.to_string());
+            return Err(error);
         }
+        self.unwritten = None;
         self.length += text.len() as u64;
         self.lines += 1;
         self.apply(&line.at, line.record);
