@@ -22,7 +22,6 @@ use std::collections::BTreeMap;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use fs_err as fs;
 use nalgebra::Vector2;
@@ -30,7 +29,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Sku;
-use crate::files::{ms_since_1970, read_if_there, write_whole_or_not, write_whole_unsynced, written_at_ms};
+use crate::files::{now_ms, read_if_there, write_whole_or_not, write_whole_unsynced, written_at_ms};
 use crate::formats::mesh::PartFacts;
 use crate::geometry::height_field::{HeightField, Node, Uncertainty};
 use crate::geometry::mark_region::MarkRegion;
@@ -674,10 +673,6 @@ fn with_known_order(part: &CurrentPart, known: Option<&DatedPart>) -> CurrentPar
         known.filter(|known| known.part.origin == part.origin && known.part.has_frame == part.has_frame);
     let order = part.order.or(known.and_then(|known| known.part.order));
     CurrentPart { order, ..part.clone() }
-}
-
-fn now_ms() -> u64 {
-    ms_since_1970(SystemTime::now())
 }
 
 fn from_toml<T: DeserializeOwned>(bytes: &[u8]) -> Option<T> {

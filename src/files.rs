@@ -244,6 +244,11 @@ pub(crate) fn written_at_ms(path: &Path) -> io::Result<Option<u64>> {
     }
 }
 
+/// This moment by the clock of this computer, ms since 1970.
+pub(crate) fn now_ms() -> u64 {
+    ms_since_1970(SystemTime::now())
+}
+
 /// A moment of the calendar, ms since 1970; 0 before.
 pub(crate) fn ms_since_1970(at: SystemTime) -> u64 {
     let since = at.duration_since(UNIX_EPOCH).unwrap_or_default();

@@ -106,6 +106,8 @@ fn a_part_of_an_older_version_at_another_station_is_not_replaced_by_an_older_one
     drop_part(&station, "p@a.obj", 5.0);
     station.desk.write("cache/v7/p/current.toml", "file = \"theirs.obj\"\nblake3 = \"00\"\n");
     assert_eq!(marked_on(&station, "1"), None);
+    let status = station.desk.isomark(&["status", "station.toml"]);
+    assert!(status.out.contains("another station has fitted a newer part"), "{status:?}");
     drop_part(&station, "p@b.obj", 9.0);
     assert_eq!(marked_on(&station, "2").unwrap(), "p@b.obj");
 }

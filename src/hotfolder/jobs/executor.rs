@@ -28,9 +28,13 @@ use crate::hotfolder::beamserver;
 use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
 use crate::hotfolder::seen::{Parking, Stamp, StopSignal, sidecar_of};
 use crate::hotfolder::state::{DropId, Journal, OpenJob, Shares};
+use crate::reason::Reason;
 
 /// An archived part that was to be fitted: its path, the settings, and since when it was the SKU's part.
 pub(super) type Attempt = (PathBuf, JobSettings, Option<u64>);
+
+/// An archived part that cannot be fitted with these settings, and why drawings wait, if there is more to say than that.
+pub(super) type Unfit = (Attempt, Option<Reason>);
 
 /// The state that the threads of a station share.
 pub(crate) struct Executor<'a, C> {
@@ -40,7 +44,7 @@ pub(crate) struct Executor<'a, C> {
     pub(super) overtaken: Mutex<BTreeSet<Sku>>,
     pub(super) restoring: Restoring,
     /// Archived parts that cannot be fitted with these settings.
-    pub(super) unfit_archive: Mutex<BTreeMap<Sku, Attempt>>,
+    pub(super) unfit_archive: Mutex<BTreeMap<Sku, Unfit>>,
     /// Whether pictures are drawn later, because drops wait for a thread.
     pub(crate) others_wait: AtomicBool,
     /// Held while the serial numbers of a SKU are noted.

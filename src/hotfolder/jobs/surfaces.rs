@@ -199,8 +199,8 @@ impl<C: Corrector> Executor<'_, C> {
         let Some(part) = filing::current_part(folders, sku) else { return Ok(Surface::Unknown) };
         let attempt = (part, settings.clone(), since);
         let unfit = || self.unfit_archive.lock().unwrap_or_else(PoisonError::into_inner);
-        if unfit().get(sku) == Some(&attempt) {
-            return Ok(Surface::Unknown);
+        if let Some((_, why)) = unfit().get(sku).filter(|(unfit, _)| *unfit == attempt) {
+            return Ok(why.clone().map_or(Surface::Unknown, Surface::Lost));
         }
         let Some((file, _)) = self.read_archived(&attempt.0)? else { return Ok(Surface::Unknown) };
         match guarded(|| self.corrector.restore_part(sku, &file, settings, since, pace)) {
@@ -215,12 +215,23 @@ impl<C: Corrector> Executor<'_, C> {
                     "the surface of {sku} cannot be restored from the archive: {}",
                     reason.on_one_line()
                 );
-                unfit().insert(sku.clone(), attempt);
-                Ok(Surface::Unknown)
+                // With the code of all drawings that wait for a part.
+                let why = (reason.code == "newer-elsewhere").then(|| {
+                    let what = format!("The drawing waits for a part: {}", continued(&reason.what));
+                    Reason::new("waits-for-part", what, reason.remedy)
+                });
+                unfit().insert(sku.clone(), (attempt, why.clone()));
+                Ok(why.map_or(Surface::Unknown, Surface::Lost))
             }
             Err(other) => Err(other),
         }
     }
+}
+
+/// A sentence behind a colon.
+fn continued(sentence: &str) -> String {
+    let first = sentence.chars().next();
+    first.map_or_else(String::new, |first| first.to_lowercase().chain(sentence.chars().skip(1)).collect())
 }
 
 /// Whether the surface of a SKU's current part is known.
