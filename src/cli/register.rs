@@ -20,7 +20,7 @@ use crate::formats::pattern;
 use crate::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::optics::registration::{
-    Contact, Contacts, EdgeContact, Height, Registration, RegistrationError,
+    AssumedHeight, Contact, Contacts, EdgeContact, Height, Registration, RegistrationError,
 };
 use crate::geometry::pattern::{Color, Layer};
 use crate::geometry::silhouette::silhouette;
@@ -57,7 +57,7 @@ pub(super) struct RegisterArguments {
     /// An edge of the part, by two of its points, and points of the field that hit it anywhere: "X,Y,Z X,Y,Z=X,Y X,Y"; two edges or more.
     #[arg(long, value_name = "EDGE=FIELD", allow_hyphen_values = true)]
     edge: Vec<String>,
-    /// Height of the part's origin above the calibrated plane, mm, if it is known. Default: found through a lens that is not telecentric, otherwise that of the settings.
+    /// Height of the part's origin above the calibrated plane, mm, if it is known. Default: found through a lens that is not telecentric; without it, or where the points do not show it, that of the settings.
     #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = parse_coordinate)]
     z: Option<f64>,
     /// Standard deviation of one observation in the field, mm. Used while the observations are too few to show it.
@@ -115,13 +115,13 @@ pub(super) struct RegistrationDocument {
     notices: Vec<Notice>,
 }
 
-/// A height that may be given or found.
+/// A height that may be given, found or assumed.
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 struct MaybeMeasured {
     /// The height.
     value: f64,
-    /// Its standard deviation; absent if it was given.
+    /// Its standard deviation; absent if it was given, or has no effect because the lens is telecentric.
     #[serde(skip_serializing_if = "Option::is_none")]
     deviation: Option<f64>,
 }
@@ -174,6 +174,9 @@ pub(super) fn run(arguments: &RegisterArguments) -> Outcome {
         settings.fixture = found.fixture;
         let changes = changes(&found);
         let document = document(station, &contacts, &found, &changes);
+        if let Some(height) = found.assumed_height.filter(|_| arguments.write) {
+            return Err(Failure::rejected(height_not_shown(&found, height)));
+        }
         if arguments.write {
             station_edit::write(&target, "fixture", &changes, |text| match &sku {
                 Some(_) => station.settings.overridden_by(&target, text).map(|_| ()),
@@ -185,7 +188,12 @@ pub(super) fn run(arguments: &RegisterArguments) -> Outcome {
                 .map_err(|error| Failure::environment(&error.into()))?;
             print_json(&(json + "\n"));
         }
-        text = self::text(&document, arguments.write.then_some(target.as_path()));
+        let height = match (arguments.z, found.assumed_height) {
+            (Some(_), _) => "as given",
+            (None, Some(_)) => "assumed",
+            (None, None) => "as in the settings",
+        };
+        text = self::text(&document, height, arguments.write.then_some(target.as_path()));
     }
     if let (Some(file), Some(part)) = (&arguments.jig, &part) {
         let (drawing, plate) = jig(part, &settings, arguments.plate)?;
@@ -302,8 +310,18 @@ fn contacts(
         }
     }
     if let Some(file) = &arguments.pairs {
-        let unreadable =
-            |error: MeasurementsError| Failure::rejected(error.reason().in_file(file.display().to_string()));
+        let unreadable = |error: MeasurementsError| {
+            let mut reason = error.reason();
+            // A person writes this table.
+            if let MeasurementsError::NoColumn { found, .. } = &error {
+                reason.remedy = format!(
+                    "Name the columns x_mm, y_mm, z_mm, field_x_mm and field_y_mm: the point of the part and the point of the field that \
+                     hits it. The table has {}.",
+                    found.join(", ")
+                );
+            }
+            Failure::rejected(reason.in_file(file.display().to_string()))
+        };
         let table = Measurements::read(&read_file(file)?).map_err(unreadable)?;
         for row in 0..table.len() {
             let number = |name: &str| table.required(row, name).map_err(unreadable);
@@ -402,8 +420,37 @@ fn reason(error: &RegistrationError, contacts: &Contacts) -> Reason {
     }
 }
 
+/// Why the height of the part is not known, and what follows from that.
+fn height_unknown(found: &Registration, height: AssumedHeight) -> String {
+    format!(
+        "the points do not show the height of the part, and `--z` does not give it: it is assumed near `z_mm` of the settings, at \
+         {:.1} mm +- {:.0} mm. Each mm by which it differs moves the part by ({:+.3}, {:+.3}) mm",
+        found.fixture.z,
+        found.height_deviation.unwrap_or_default(),
+        height.shift.x,
+        height.shift.y
+    )
+}
+
+const SHOW_HEIGHT: &str = "give the height with `--z`, or measure points that are far apart, or a third edge opposite to one of the two";
+
+/// Refuses to write a pose with a height that nobody gave.
+fn height_not_shown(found: &Registration, height: AssumedHeight) -> Reason {
+    let [x, y, _] = found.deviations;
+    let what =
+        format!("With `--write`, the height of the part must be known: {}.", height_unknown(found, height));
+    Reason::new("pose-not-determined", what, SHOW_HEIGHT).with_number(
+        "uncertainty of x and y",
+        x.hypot(y),
+        "mm",
+        None,
+    )
+}
+
 /// Observations that scatter this many times as much as stated are worth a warning.
 const NOTABLE: f64 = 3.0;
+/// The same, if a tilt of the part explains it.
+const NOTABLE_WITH_TILT: f64 = 2.0;
 
 fn changes(found: &Registration) -> Vec<Change> {
     let exact = |value: f64| NewValue::Number((value * 1000.0).round() / 1000.0 + 0.0);
@@ -438,17 +485,29 @@ fn document(
         );
         notices.push(Notice::warning("measurement-contradicts", message));
     }
-    if found.spare > 0 && found.reading > NOTABLE * contacts.reading {
+    if let Some(height) = found.assumed_height {
+        let message = format!("{}; {SHOW_HEIGHT}", height_unknown(found, height));
+        notices.push(Notice::warning("height-assumed", message));
+    }
+    let notable = if found.tilt.is_some() { NOTABLE_WITH_TILT } else { NOTABLE };
+    if found.spare > 0 && found.reading > notable * contacts.reading {
         let sizes = found.residuals.iter().map(|residual| residual.norm()).enumerate();
         let used = sizes.filter(|(index, size)| size.is_finite() && found.left_out != Some(*index));
         let worst = used.max_by(|one, other| one.1.total_cmp(&other.1));
         let worst =
             worst.map_or(String::new(), |(index, size)| format!("; pair {} is {size:.2} mm off", index + 1));
         let message = format!(
-            "the observations scatter by {:.2} mm, {:.0} times as much as `--reading` states{worst}: one of them is probably \
-             mistyped",
+            "the observations scatter by {:.2} mm, {:.0} times as much as `--reading` states{worst}: {}",
             found.reading,
-            found.reading / contacts.reading
+            found.reading / contacts.reading,
+            match found.tilt {
+                Some(tilt) => format!(
+                    "the part is probably tilted by {:.1} deg, which x, y, z and a rotation do not describe. Put it level; or check the \
+                     values, of which one may be mistyped",
+                    tilt.to_degrees()
+                ),
+                None => "one of them is probably mistyped".to_owned(),
+            }
         );
         notices.push(Notice::warning("measurement-contradicts", message));
     }
@@ -472,7 +531,8 @@ fn document(
     }
 }
 
-fn text(document: &RegistrationDocument, written: Option<&Path>) -> String {
+/// `height` states where a height comes from that was not found.
+fn text(document: &RegistrationDocument, height: &str, written: Option<&Path>) -> String {
     let mut text = format!("{}: the part under the laser\n", on_one_line(&document.station));
     let mut line = |label: &str, value: &str| {
         let _ = writeln!(text, "  {label:<18}{value}");
@@ -485,8 +545,11 @@ fn text(document: &RegistrationDocument, written: Option<&Path>) -> String {
     line(
         "z",
         &match document.z_mm.deviation {
+            Some(deviation) if height == "assumed" => {
+                format!("{:.3} mm +- {deviation:.3} mm, assumed", document.z_mm.value)
+            }
             Some(deviation) => format!("{:.3} mm +- {deviation:.3} mm", document.z_mm.value),
-            None => format!("{:.3} mm, as given", document.z_mm.value),
+            None => format!("{:.3} mm, {height}", document.z_mm.value),
         },
     );
     line("rotation", &measured(&document.rotation_deg, "deg"));

@@ -830,6 +830,16 @@ const CODES: &[Code] = &[
         "Nothing to do. To mark the widths, set a smaller `hairline_mm` under [pattern] (`--hairline`).",
     ]),
     notice([
+        "height-assumed",
+        "The points do not show the height of the part, and nobody gave it.",
+        "Under a lens that is not telecentric, the points of the field that hit a part depend on its height. `isomark register` finds the \
+         height together with the pose if the points show it, as points far apart do. Two edges of the part do not: a higher part whose \
+         edges are a little shifted is hit in the same places. isomark then assumes a height near `z_mm` under [fixture]. The \
+         uncertainties of x and y contain that it can be wrong by 20 mm (one standard deviation), and `--write` enters nothing.",
+        "Measure the height of the part's origin above the calibrated plane and give it with `--z`; or measure points that are far apart, \
+         or a third edge opposite to one of the two.",
+    ]),
+    notice([
         "hole-bridged",
         "Small holes in the mesh, where triangles are missing, were bridged.",
         "Exporters and repair tools sometimes lose a triangle. isomark continues the surface across a hole of at most \

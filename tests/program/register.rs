@@ -146,6 +146,54 @@ fn two_edges_give_the_pose() {
         .refused(1, &["nearly parallel", "number:     angle", "limit 10"]);
 }
 
+/// The place of the origin and the height are unknown; the settings have the height 0, and the box is at 4.
+#[test]
+fn a_height_that_is_neither_given_nor_shown_is_a_warning_and_is_not_written() {
+    let desk = desk();
+    let settings = desk.text("station.toml");
+    let edge = |from: [f64; 3], to: [f64; 3]| {
+        let at = |share: f64| {
+            let hit = aim([0, 1, 2].map(|axis| from[axis] + (to[axis] - from[axis]) * share));
+            format!("{:.3},{:.3}", hit.x, hit.y)
+        };
+        let point = |at: [f64; 3]| at.map(|value| value.to_string()).join(",");
+        format!("{} {}={} {} {}", point(from), point(to), at(0.05), at(0.5), at(0.9))
+    };
+    let [a, b, c, _] = CORNERS;
+    let edges = [edge(a, b), edge(b, c)];
+    let two = ["--edge", &edges[0], "--edge", &edges[1]];
+    // Three points 4 mm apart.
+    let close: Vec<String> =
+        [[-2.0, -2.0, 20.0], [2.0, -2.0, 20.0], [0.0, 2.0, 20.0]].map(|at| pair(at, [0.0; 2])).to_vec();
+    for (options, pairs) in [(&two[..], &[][..]), (&[][..], &close[..])] {
+        let found = result(&desk, options, pairs);
+        assert_eq!(notices(&found), ["height-assumed"], "{found:#}");
+        for (key, truth) in [("x_mm", POSE[0]), ("y_mm", POSE[1]), ("z_mm", POSE[2])] {
+            let [value, deviation] =
+                ["value", "deviation"].map(|part| number(&found, &format!("/{key}/{part}")));
+            assert!((value - truth).abs() < 2.0 * deviation, "{key}: {found:#}");
+        }
+        let text = desk.isomark(&arguments(options, pairs)).out;
+        assert!(text.contains(", assumed\n") && !text.contains("as given"), "{text}");
+        let write = [options, &["--write"]].concat();
+        desk.isomark(&arguments(&write, pairs))
+            .refused(1, &["pose-not-determined", "height of the part must be known", "--z"]);
+        assert_eq!(desk.text("station.toml"), settings);
+        // The remedy works.
+        let given = [options, &["--z", "4", "--json"]].concat();
+        let output = desk.isomark(&arguments(&given, pairs));
+        let found: Value = serde_json::from_str(&output.out).unwrap();
+        assert!(notices(&found).is_empty(), "{found:#}");
+        assert_pose(&found, 0.05);
+    }
+    // A third edge opposite to the first shows the height.
+    let opposite = edge([40.0, 25.0, 20.0], [-40.0, 25.0, 20.0]);
+    let three = [&two[..], &["--edge", &opposite]].concat();
+    let found = result(&desk, &three, &[]);
+    assert!(notices(&found).is_empty(), "{found:#}");
+    assert_pose(&found, 0.1);
+}
+
 #[test]
 fn pairs_that_do_not_fix_the_part_are_refused_with_number_and_remedy() {
     let desk = desk();
@@ -204,4 +252,28 @@ fn the_outline_on_a_plate_is_that_of_the_part_through_the_lens() {
         ["register", "station.toml", "--part", "box.obj", "--jig", "jig.dxf", "--set", "fixture.x_mm=190"];
     desk.isomark(&beside).refused(1, &["outline of the part is not inside the field", "overhang"]);
     desk.isomark(&["register", "station.toml", "--jig", "jig.dxf"]).refused(2, &["--part"]);
+}
+
+/// The same box on a wedge: its pose is not one of x, y, z and a rotation.
+#[test]
+fn a_tilted_part_is_named_as_the_likely_cause() {
+    let desk = desk();
+    let points =
+        [CORNERS[0], CORNERS[1], CORNERS[2], [-40.0, 25.0, 20.0], [0.0, -25.0, 0.0], [40.0, 0.0, 2.0]];
+    for degrees in [1.0f64, 2.0] {
+        let tilt = Rotation3::from_axis_angle(&Vector3::x_axis(), degrees.to_radians());
+        let pairs = points.map(|point| {
+            let hit = aim((tilt * Point3::from(point)).into());
+            format!("{},{},{}={:.3},{:.3}", point[0], point[1], point[2], hit.x, hit.y)
+        });
+        let found = result(&desk, &["--z", "4", "--reading", "0.03"], &pairs);
+        assert_eq!(notices(&found), ["measurement-contradicts"], "{found:#}");
+        let message = found["notices"][0]["message"].as_str().unwrap();
+        assert!(message.contains(&format!("probably tilted by {degrees:.1} deg")), "{message}");
+    }
+    desk.write("pairs.csv", "X;Y;Z;U;V\n1;2;3;4;5\n");
+    desk.isomark(&["register", "station.toml", "--pairs", "pairs.csv"]).refused(
+        1,
+        &["Name the columns x_mm, y_mm, z_mm, field_x_mm and field_y_mm", "The table has x, y, z, u, v"],
+    );
 }

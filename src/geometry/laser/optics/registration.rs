@@ -1,7 +1,7 @@
 //! The fixture from what a person sees: the field coordinates at which known points of the part are hit, or points that are
 //! hit along its edges.
 
-use nalgebra::{DMatrix, DVector, Point3, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Rotation3, Vector2, Vector3};
 
 use super::least_squares::{self, Solution};
 use super::{Fixture, Lens, ScanHead};
@@ -11,16 +11,25 @@ use crate::geometry::space::FieldPoint;
 const ON_LINE: f64 = 0.05;
 /// Smallest angle between two edges, rad.
 const SMALLEST_ANGLE: f64 = 10.0 * std::f64::consts::PI / 180.0;
-/// A height that is known worse than this is not used, mm.
+/// Contacts that show the height worse than this do not show it, mm.
 const WORST_HEIGHT: f64 = 2.0;
+/// How far the height of a part may be from that of the settings if nobody gave it, mm, as a standard deviation. The
+/// uncertainties of the other unknowns contain it.
+const ASSUMED_HEIGHT: f64 = 20.0;
 /// A point contradicts the others if without it they fit better by this ratio, and it is this far away, mm.
 const CONTRADICTS: (f64, f64) = (5.0, 0.5);
 /// Contacts that deviate by more than this number of readings' deviations are not one part.
 const MOST_DEVIATION: f64 = 10.0;
+/// A tilt of the part explains the scatter of the contacts if it makes it this many times smaller, …
+const EXPLAINS: f64 = 2.0;
+/// … and is this many of its standard deviations.
+const SURE: f64 = 3.0;
 /// Largest number of contacts.
 const MOST_CONTACTS: usize = 200;
 /// With this number of spare values, their residuals show how well was measured.
 const ENOUGH_SPARE: usize = 4;
+/// With this number of spare values, a tilt can be told from a mistake.
+const ENOUGH_TO_CHECK: usize = 3;
 /// Rotations from which the search starts when points do not show one.
 const STARTS: u32 = 12;
 
@@ -58,8 +67,16 @@ pub struct Contacts {
 pub enum Height {
     /// It is this, mm.
     Known(f64),
-    /// From the contacts if the lens shows it, else this, mm.
+    /// From the contacts if they show it. Otherwise near this, mm; the uncertainties then contain that it is not known.
     Unknown(f64),
+}
+
+/// A height that contacts do not show and that nobody gave.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct AssumedHeight {
+    /// By how much x and y move for each mm that the part is higher.
+    pub shift: Vector2<f64>,
 }
 
 /// The fixture that fits the contacts best.
@@ -70,8 +87,12 @@ pub struct Registration {
     pub fixture: Fixture,
     /// Standard deviations of x, y and the rotation, mm and rad.
     pub deviations: [f64; 3],
-    /// Standard deviation of the height, mm; `None` if it was not found from the contacts.
+    /// Standard deviation of the height, mm; `None` if it was given, or has no effect under this lens.
     pub height_deviation: Option<f64>,
+    /// Whether the height is little more than an assumption; `None` if it was given or found, or has no effect.
+    pub assumed_height: Option<AssumedHeight>,
+    /// The tilt of the part that would explain most of the scatter, rad; `None` if a tilt does not.
+    pub tilt: Option<f64>,
     /// For each point, seen minus fitted, mm in the field.
     pub residuals: Vec<Vector2<f64>>,
     /// For each contact with an edge, its distance from the fitted edge, mm in the field.
@@ -194,7 +215,10 @@ impl Registration {
             return Err(RegistrationError::Contradictory { deviation, worst });
         }
         let unknowns = found.unknowns();
-        let known = |unknown: usize| found.solution.uncertainty(unknown, deviation);
+        // The assumed height is as uncertain as ever, however well the contacts agree.
+        let scatter =
+            if found.height == HeightIs::Assumed { deviation.max(contacts.reading) } else { deviation };
+        let known = |unknown: usize| found.solution.uncertainty(unknown, scatter);
         let [x, y, rotation, z] = unknowns;
         let rotation = rotation.sin().atan2(rotation.cos());
         let residual = |point: &Contact| problem.miss(&unknowns, point).unwrap_or(Vector2::repeat(f64::NAN));
@@ -202,7 +226,13 @@ impl Registration {
         Ok(Self {
             fixture: Fixture { x, y, z, rotation },
             deviations: [known(0), known(1), known(2)],
-            height_deviation: found.finds_height.then(|| known(3)),
+            height_deviation: (found.height != HeightIs::Fixed).then(|| known(3)),
+            assumed_height: (found.height == HeightIs::Assumed).then(|| {
+                let covariance = &found.solution.covariance;
+                let with_height = |unknown: usize| covariance[(unknown, 3)] / covariance[(3, 3)];
+                AssumedHeight { shift: Vector2::new(with_height(0), with_height(1)) }
+            }),
+            tilt: problem.tilt(&used, &found),
             residuals: points.iter().map(residual).collect(),
             edge_residuals: contacts.edges.iter().map(beside).collect(),
             reading: deviation,
@@ -279,9 +309,20 @@ struct Problem<'a> {
     z: f64,
 }
 
+/// Where a height comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum HeightIs {
+    /// It was given, or has no effect.
+    Fixed,
+    /// The contacts show it.
+    Found,
+    /// Mostly from the settings.
+    Assumed,
+}
+
 struct Found {
     solution: Solution,
-    finds_height: bool,
+    height: HeightIs,
     z: f64,
 }
 
@@ -289,7 +330,7 @@ impl Found {
     /// x, y, rotation and z.
     fn unknowns(&self) -> [f64; 4] {
         let found = &self.solution.unknowns;
-        [found[0], found[1], found[2], if self.finds_height { found[3] } else { self.z }]
+        [found[0], found[1], found[2], if self.height == HeightIs::Fixed { self.z } else { found[3] }]
     }
 
     fn deviation(&self, contacts: &Contacts) -> f64 {
@@ -357,23 +398,81 @@ impl Problem<'_> {
     }
 
     fn solve(&self, contacts: &Contacts, height: Height) -> Result<Found, RegistrationError> {
-        let without = self.search(contacts, false).ok_or(RegistrationError::NotFound)?;
-        let fixed = Found { solution: without, finds_height: false, z: self.z };
+        let without = self.search(contacts).ok_or(RegistrationError::NotFound)?;
+        let fixed = Found { solution: without, height: HeightIs::Fixed, z: self.z };
         if matches!(height, Height::Known(_)) || self.head.lens == Lens::Telecentric {
             return Ok(fixed);
         }
         let mut start = fixed.solution.unknowns.as_slice().to_vec();
         start.push(self.z);
-        let solution =
-            least_squares::nonlinear(&start, &[1e-4, 1e-4, 1e-6, 1e-3], |at| self.residuals(contacts, at));
-        let Some(solution) = solution else { return Ok(fixed) };
-        let with = Found { solution, finds_height: true, z: self.z };
-        let is_known = with.solution.uncertainty(3, contacts.reading) <= WORST_HEIGHT;
-        Ok(if is_known { with } else { fixed })
+        let steps = [1e-4, 1e-4, 1e-6, 1e-3];
+        let free = least_squares::nonlinear(&start, &steps, |at| self.residuals(contacts, at));
+        let is_found = |free: &Solution| free.uncertainty(3, contacts.reading) <= WORST_HEIGHT;
+        if let Some(solution) = free.filter(is_found) {
+            return Ok(Found { solution, height: HeightIs::Found, z: self.z });
+        }
+        if !self.height_matters(contacts, fixed.solution.unknowns.as_slice()) {
+            return Ok(fixed);
+        }
+        // The assumption as one more observation, so that all uncertainties follow from it.
+        let share = contacts.reading / ASSUMED_HEIGHT;
+        let assumed = least_squares::nonlinear(&start, &steps, |at| {
+            let mut residuals = self.residuals(contacts, at)?;
+            residuals.push((self.z - at[3]) * share);
+            Some(residuals)
+        });
+        let solution = assumed.ok_or(RegistrationError::NotFound)?;
+        Ok(Found { solution, height: HeightIs::Assumed, z: self.z })
+    }
+
+    /// The tilt of the part, about any direction across the laser's axis, with which the contacts scatter much less.
+    fn tilt(&self, contacts: &Contacts, found: &Found) -> Option<f64> {
+        let deviation = found.solution.deviation()?;
+        let mut start = found.solution.unknowns.as_slice().to_vec();
+        let height = start.len() - 3;
+        start.extend([0.0, 0.0]);
+        let steps: Vec<f64> =
+            [1e-4, 1e-4, 1e-6, 1e-3].into_iter().take(3 + height).chain([1e-6, 1e-6]).collect();
+        let solution = least_squares::nonlinear(&start, &steps, |at| {
+            let (pose, tilt) = at.split_at(at.len() - 2);
+            let turn = Rotation3::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0));
+            let points = contacts.points.iter().map(|point| Contact { view: turn * point.view, ..*point });
+            let edges = contacts
+                .edges
+                .iter()
+                .map(|edge| EdgeContact { ends: edge.ends.map(|end| turn * end), ..*edge });
+            let tilted = Contacts { points: points.collect(), edges: edges.collect(), ..contacts.clone() };
+            let mut residuals = self.residuals(&tilted, pose)?;
+            if found.height == HeightIs::Assumed {
+                residuals.push((self.z - pose[3]) * contacts.reading / ASSUMED_HEIGHT);
+            }
+            Some(residuals)
+        })?;
+        let remaining = solution.deviation().filter(|_| solution.spare() >= ENOUGH_TO_CHECK)?;
+        let first = start.len() - 2;
+        let size = solution.unknowns[first].hypot(solution.unknowns[first + 1]);
+        let known =
+            [first, first + 1].map(|index| solution.uncertainty(index, remaining.max(contacts.reading)));
+        (EXPLAINS * remaining < deviation && size > SURE * known[0].hypot(known[1])).then_some(size)
+    }
+
+    /// Whether a height that may be anywhere near the assumed one changes where a contact is hit.
+    fn height_matters(&self, contacts: &Contacts, unknowns: &[f64]) -> bool {
+        let [x, y, rotation, ..] = *unknowns else { return false };
+        let views = contacts.points.iter().map(|point| point.view);
+        let mut views = views.chain(contacts.edges.iter().flat_map(|edge| edge.ends));
+        views.any(|view| {
+            let at = |z: f64| self.aim(&[x, y, rotation, z], view);
+            match (at(self.z), at(self.z - ASSUMED_HEIGHT)) {
+                (Some(here), Some(lower)) => (here - lower).norm() > contacts.reading,
+                // Beams are not known there.
+                _ => true,
+            }
+        })
     }
 
     /// The best solution from all starts.
-    fn search(&self, contacts: &Contacts, finds_height: bool) -> Option<Solution> {
+    fn search(&self, contacts: &Contacts) -> Option<Solution> {
         let turns = f64::from(STARTS);
         let seen = contacts.points.iter().map(|point| (point.view, point.hit));
         let middle = |edge: &EdgeContact| (edge.ends[0] + (edge.ends[1] - edge.ends[0]) * 0.5, edge.hit);
@@ -385,13 +484,8 @@ impl Problem<'_> {
             let rotation = f64::from(start) / turns * std::f64::consts::TAU;
             let moved = Fixture { rotation, ..Fixture::default() }.point(views.into());
             let at = self.head.cast(hits.into(), self.z + views.z);
-            let mut start = vec![at.x - moved.x, at.y - moved.y, rotation];
-            let mut steps = vec![1e-4, 1e-4, 1e-6];
-            if finds_height {
-                start.push(self.z);
-                steps.push(1e-3);
-            }
-            least_squares::nonlinear(&start, &steps, |at| self.residuals(contacts, at))
+            let start = [at.x - moved.x, at.y - moved.y, rotation];
+            least_squares::nonlinear(&start, &[1e-4, 1e-4, 1e-6], |at| self.residuals(contacts, at))
         });
         let rank = |found: &Solution| {
             found.residuals.norm() + contacts.reading * self.overshoot(found.unknowns.as_slice(), contacts)
@@ -478,6 +572,89 @@ mod tests {
             // Turned by 180 deg, the part touches the same lines beyond its edges.
             let turn = (found.fixture.rotation - rotation).cos();
             prop_assert!(off < 1e-4 && turn > 1.0 - 1e-9, "{off} {found:?}");
+        }
+    }
+
+    /// Contacts that do not show the height of the part: two edges of its top, or three points that are close together.
+    fn blind_to_height(head: &ScanHead, fixture: &Fixture, three_points: bool) -> Contacts {
+        let aim = |view: Point3<f64>| head.aim(fixture.point(view)).unwrap();
+        let mut contacts = Contacts { reading: 0.05, ..Contacts::default() };
+        if three_points {
+            let views = [[-2.0, -2.0, 20.0], [2.0, -2.0, 20.0], [0.0, 2.0, 20.0]].map(Point3::from);
+            contacts.points = views.map(|view| Contact { view, hit: aim(view) }).to_vec();
+            return contacts;
+        }
+        let [a, b, c] = [[-25.0, -15.0, 20.0], [25.0, -15.0, 20.0], [25.0, 15.0, 20.0]].map(Point3::from);
+        for (ends, shares) in [([a, b], &[0.0, 0.5, 1.0][..]), ([b, c], &[0.3, 0.9])] {
+            let at = |share: &f64| aim(ends[0] + (ends[1] - ends[0]) * *share);
+            contacts.edges.extend(shares.iter().map(|share| EdgeContact { ends, hit: at(share) }));
+        }
+        contacts
+    }
+
+    #[test]
+    fn a_height_that_nobody_gives_and_no_contact_shows_is_in_the_uncertainty() {
+        let head = head(300.0);
+        for height in [-14.0, 0.0, 9.0, 14.0, 30.0] {
+            let fixture = Fixture { x: 118.0, y: 66.0, z: height, rotation: 0.4 };
+            for three_points in [false, true] {
+                let contacts = blind_to_height(&head, &fixture, three_points);
+                let found = Registration::fit(&contacts, &head, Height::Unknown(0.0)).unwrap();
+                let off = [found.fixture.x - 118.0, found.fixture.y - 66.0];
+                for (off, deviation) in off.into_iter().zip(found.deviations) {
+                    assert!(off.abs() < 2.0 * deviation, "z {height}: {found:?}");
+                }
+                let deviation = found.height_deviation.unwrap();
+                assert!((found.fixture.z - height).abs() < 2.0 * deviation, "z {height}: {found:?}");
+                assert!(deviation > WORST_HEIGHT && found.assumed_height.is_some(), "z {height}: {found:?}");
+                // With the height, the contacts show everything else.
+                let known = Registration::fit(&contacts, &head, Height::Known(height)).unwrap();
+                assert!(
+                    (known.fixture.x - 118.0).abs() < 1e-6 && known.assumed_height.is_none(),
+                    "{known:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn an_assumed_height_moves_the_part_as_stated() {
+        let (head, fixture) = (head(300.0), Fixture { x: 118.0, y: 66.0, z: 6.0, rotation: 0.0 });
+        let contacts = blind_to_height(&head, &fixture, false);
+        let at = |z: f64| Registration::fit(&contacts, &head, Height::Unknown(z)).unwrap();
+        // Along the axes, the beam at an aim X is at 100 + (X − 100)·(1 − z/300), and at 80 + (Y − 80)·(1 − z/285): the edges
+        // are at x = 143 and y = 51, 26 mm above the plane, so that x moves by −43/(300 − 26) for each mm.
+        let shift = at(6.0).assumed_height.unwrap().shift;
+        assert!((shift.x + 43.0 / 274.0).abs() < 1e-3 && (shift.y - 29.0 / 259.0).abs() < 1e-3, "{shift}");
+        let (low, high) = (at(5.0).fixture, at(7.0).fixture);
+        assert!(((high.x - low.x) / (high.z - low.z) - shift.x).abs() < 1e-3, "{low:?} {high:?}");
+        // Under a telecentric lens, and one that nearly is, the height has no effect.
+        for head in [ScanHead::TELECENTRIC, super::tests::head(1e6)] {
+            let contacts = blind_to_height(&head, &fixture, false);
+            let found = Registration::fit(&contacts, &head, Height::Unknown(0.0)).unwrap();
+            assert!(found.assumed_height.is_none() && found.height_deviation.is_none(), "{found:?}");
+            assert!((found.fixture.x - 118.0).abs() < 0.01, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_tilt_of_the_part_is_found_and_a_mistyped_point_is_none() {
+        let (head, fixture) = (head(300.0), Fixture { x: 92.0, y: 75.0, z: 3.0, rotation: 0.4 });
+        let views = CORNERS.into_iter().chain([[0.0, 0.0, 35.0], [-10.0, 20.0, 8.0]]).map(Point3::from);
+        let seen = |degrees: f64, seed: u64| {
+            let turn = Rotation3::from_scaled_axis(Vector3::new(0.6, -0.8, 0.0) * degrees.to_radians());
+            let mut noise = Noise(seed);
+            let points = views.clone().map(|view| {
+                let off = Vector2::new(noise.next(), noise.next()) * 0.05;
+                Contact { view, hit: head.aim(fixture.point(turn * view)).unwrap() + off }
+            });
+            Contacts { points: points.collect(), reading: 0.05, ..Contacts::default() }
+        };
+        let fit = |contacts: &Contacts| Registration::fit(contacts, &head, Height::Known(3.0)).unwrap();
+        for seed in 0..20 {
+            let found = fit(&seen(1.0, seed)).tilt.unwrap().to_degrees();
+            assert!((found - 1.0).abs() < 0.3, "seed {seed}: {found}");
+            assert_eq!(fit(&seen(0.0, seed)).tilt, None, "seed {seed}");
         }
     }
 
