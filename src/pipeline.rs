@@ -335,6 +335,10 @@ impl Pipeline {
         let over_part = Lift::new(&whole.kept.surface, &learned.settings);
         checks::hidden(&projection, ink, &whole.kept, settings, over_part).map_err(rejected)?;
         notices.extend(checks::mark_region(map, part, ink, settings).map_err(rejected)?);
+        if settings.optics.lens_is_assumed && settings.optics.lens == Lens::Telecentric {
+            let field = settings.field.map(|field| field.extents());
+            notices.extend(report::lens_assumed(exposure, field.as_ref()));
+        }
         clock.lap("check");
         // Tiles are marked one after the other in front of the laser, where their lines cross.
         if tiles.is_none() {

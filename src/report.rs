@@ -15,6 +15,7 @@ pub use content::{CodeReport, ContentReport};
 pub use fill::FillReport;
 pub use focus::{FocusReport, FocusStepReport};
 pub use lens::LensTableReport;
+pub(crate) use lens::lens_assumed;
 pub use list::{ListGap, ListReport, ListRow};
 
 use crate::cache::PartOrigin;
@@ -768,6 +769,10 @@ impl Report {
             let is_of_unit = ["unit-assumed", "unit-setting-unused"].contains(&notice.code.as_str());
             match notice.severity {
                 Severity::Warning => text += &format!("\n  warning: {}", on_one_line(&notice.message)),
+                // Under another lens, the values above are not those of the mark.
+                Severity::Note if notice.code == "lens-assumed" => {
+                    text += &format!("\n  note: {}", on_one_line(&notice.message));
+                }
                 Severity::Note if is_of_unit && self.pattern.facts.notices.contains(notice) => {
                     text += &format!("\n  note: {}", on_one_line(&notice.message));
                 }

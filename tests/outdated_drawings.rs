@@ -258,6 +258,7 @@ fn the_hashed_text_changes_exactly_when_the_drawing_changes() {
         ("field", Dxf, nothing, |s| in_a_field(s, 110.0, 90.0, FieldOrigin::Center)),
         ("field under a lens", Dxf, perspective, |s| in_a_field(s, 110.0, 90.0, FieldOrigin::Center)),
         ("fixture.z under a telecentric lens", Dxf, nothing, |s| s.fixture.z = 3.0),
+        ("whether the lens is stated", Dxf, nothing, |s| s.optics.lens_is_assumed = false),
         ("axis of a telecentric lens", Dxf, nothing, |s| s.optics.axis = Some(FieldPoint::new(5.0, 0.0))),
         (
             "order and case of layers",

@@ -117,6 +117,12 @@ pub(super) fn run(arguments: &CheckArguments) -> Outcome {
              let the marking software import from this one\n",
         );
     }
+    if station.settings.optics.lens_is_assumed {
+        print(
+            "  note        the lens is not stated, so that a telecentric one is assumed; standard f-theta lenses are not telecentric: \
+             measure it with `isomark calibrate lens`, or state `kind = \"telecentric\"` under [optics]\n",
+        );
+    }
     let mut notices = misspelt_fields(&station.settings.content);
     notices.extend(without_effect);
     notices.extend(unread);

@@ -355,6 +355,8 @@ impl Text {
     fn optics(&mut self, optics: &Optics, settings: &JobSettings) {
         let Optics {
             lens,
+            // It makes the report note.
+            lens_is_assumed: _,
             // The scan head gives it, perhaps as the middle of the field.
             axis: _,
             // It makes the report warn, and is the usual height of a step of focus.

@@ -761,6 +761,7 @@ impl OpticsKeys {
             (Some(given), Some(table)) => self.measured_lens(text, given, table)?,
             _ => self.lens(text)?,
         };
+        to.optics.lens_is_assumed = self.table.is_none() && self.kind.is_none();
         to.optics.axis = self.axis(text, to.optics.lens, to.field)?;
         if let Some(depth) = &self.focus_depth_mm {
             to.optics.focus_depth = Some(text.number("optics.focus_depth_mm", depth, 0.01..=1000.0, "mm")?);

@@ -379,6 +379,8 @@ impl Tiles {
 pub struct Optics {
     /// How the lens projects.
     pub lens: Lens,
+    /// Whether nobody stated the lens, so that a telecentric one is assumed.
+    pub lens_is_assumed: bool,
     /// Where the lens' axis meets the field; `None` for the middle of the field.
     pub axis: Option<FieldPoint>,
     /// Whole range of heights that is in focus, mm; `None` leaves it unchecked.
@@ -395,6 +397,7 @@ impl Default for Optics {
     fn default() -> Self {
         Self {
             lens: Lens::default(),
+            lens_is_assumed: true,
             axis: None,
             focus_depth: None,
             spot: None,

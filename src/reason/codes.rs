@@ -967,6 +967,16 @@ const CODES: &[Code] = &[
         "For truer lines, try `aim = \"lengths\"` under [correction] (`--aim lengths`): then outlines that nothing fills are \
          lines. For true areas, leave it as it is.",
     ]),
+    notice([
+        "lens-assumed",
+        "Nobody stated the lens, so that a telecentric one is assumed.",
+        "Under a telecentric lens, the height of the part does not shift the mark. Standard f-theta lenses, such as F160 and F254, are not \
+         telecentric: they mark lower places larger and higher places smaller. The message states by how much such a lens over this field \
+         would move marks of this drawing against each other. The errors in the report are those of a telecentric lens. The note appears \
+         only if that is more than 0.1 mm.",
+        "Measure the lens with `isomark calibrate lens`, which enters it into the station's settings; or set `kind = \"telecentric\"` under \
+         [optics], if the lens is telecentric.",
+    ]),
     reason([
         "lens-not-determined",
         "The measurements do not determine the lens.",

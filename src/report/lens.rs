@@ -2,11 +2,41 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::correction::Exposure;
 use crate::geometry::optics::measured::MeasuredFit;
+use crate::geometry::space::Extents;
 use crate::reason::Notice;
 
 /// A table that predicts its own measurements worse than this, mm, is worth a notice.
 const NOTABLE: f64 = 0.1;
+
+/// Standard f-theta lenses that are not telecentric are this many times as far away as their field is wide: F = 160 mm over a field
+/// of 110 mm at about 176 mm.
+const TYPICAL_DISTANCE: f64 = 1.6;
+/// The width of a field that is not known, mm.
+const TYPICAL_FIELD: f64 = 110.0;
+/// Marks that such a lens would move by less than this, mm, need no lens.
+const MATTERS: f64 = 0.1;
+
+/// A note that the lens was assumed to be telecentric, if that matters for this ink: if a standard lens over the field would move a
+/// mark by more than a tenth of a mm against another one, because their heights differ.
+pub(crate) fn lens_assumed(ink: &Exposure, field: Option<&Extents>) -> Option<Notice> {
+    let width = field.map_or(TYPICAL_FIELD, |field| field.size().max());
+    let distance = TYPICAL_DISTANCE * width;
+    let middle = field.map_or(ink.field.center(), Extents::center);
+    let farthest = (ink.field.min - middle).abs().sup(&(ink.field.max - middle).abs()).norm();
+    let span = ink.highest - ink.lowest;
+    let shift = farthest * span / distance;
+    (shift > MATTERS).then(|| {
+        let message = format!(
+            "nobody stated the lens, so that a telecentric one is assumed, under which height does not shift marks. Standard f-theta \
+             lenses are not telecentric: one over this field, about {distance:.0} mm away, would move marks of this drawing by up to \
+             {shift:.1} mm against each other, as its heights span {span:.1} mm. Measure the lens with `isomark calibrate lens`; or \
+             state `kind = \"telecentric\"` under [optics], if it is one"
+        );
+        Notice::note("lens-assumed", message)
+    })
+}
 
 /// How well the beams of a lens table meet its measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

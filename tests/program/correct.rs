@@ -182,8 +182,14 @@ fn a_summary_for_people_goes_only_to_standard_error() {
     ] {
         assert!(output.err.contains(word), "{word}: {}", output.err);
     }
-    // The job, then a line each for lengths, areas, angles, distances, the surface, the focus and a misplaced part.
-    assert_eq!(output.err.trim_end().lines().count(), 8, "{}", output.err);
+    // The job, then a line each for lengths, areas, angles, distances, the surface, the focus, a misplaced part and the lens, which no
+    // settings state.
+    assert_eq!(output.err.trim_end().lines().count(), 9, "{}", output.err);
+    assert!(
+        output.err.lines().any(|line| line.starts_with("  note: nobody stated the lens")),
+        "{}",
+        output.err
+    );
 }
 
 #[test]

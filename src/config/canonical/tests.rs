@@ -167,6 +167,7 @@ pub(crate) fn everything() -> JobSettings {
         fixture: Fixture { x: 1.0, y: -60.0, z: 4.0, rotation: 0.2 },
         pose_uncertainty: PoseUncertainty { sideways: 0.1, height: 0.2, turn: 0.01 },
         optics: Optics {
+            lens_is_assumed: true,
             lens: Lens::Perspective { x: 163.0, y: 172.0 },
             axis: None,
             focus_depth: Some(3.0),
