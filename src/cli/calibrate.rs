@@ -14,7 +14,7 @@ use super::set::SetArguments;
 use super::shell;
 use super::station_edit::{self, Change};
 use crate::config::{LENS_TABLE_COLUMNS, NewValue, Station, read_lens_table};
-use crate::formats::measurements::{Measurements, MeasurementsError};
+use crate::formats::measurements::{Measurements, MeasurementsError, unit_of_scale};
 use crate::formats::pattern;
 use crate::geometry::optics::calibration::{
     CalibrationError, CrossReading, DistanceReading, LeftOut, LensCalibration, LensReadings, ReadingPlace,
@@ -36,17 +36,18 @@ const SCHEMA: &str = "isomark.lens/1";
 const NOTABLE_SCALE: f64 = 0.001;
 /// … by more than this number of standard deviations.
 const SURE: f64 = 3.0;
-/// Scales of readings in other units, and what these are.
-const UNITS: [(f64, &str); 6] = [
-    (1.0 / 25.4, "in inches"),
-    (25.4, "in mm of a drawing in inches"),
-    (0.1, "in cm"),
-    (10.0, "in tenths of a mm"),
-    (0.001, "in m"),
-    (1000.0, "in micrometres"),
-];
-/// A scale that differs by less than this share from that of a unit is that of the unit.
-const UNIT_SHARE: f64 = 0.05;
+/// A scale that differs from 1 by more than this is a mistake: no marking software is calibrated as badly.
+const WRONG_SCALE: f64 = 0.2;
+/// The same, if the wrong number of crosses explains it.
+const WRONG_GRID: f64 = 0.08;
+/// A number of crosses explains a scale if it gives one this near to 1.
+const GRID_SHARE: f64 = 0.02;
+/// Readings that scatter by this many times as much as `--reading` states do not fit two lens distances.
+const NOTABLE_SCATTER: f64 = 3.0;
+/// Lens distances that are known to no more than this share are worth a notice, …
+const NOTABLE_UNCERTAINTY: f64 = 0.05;
+/// … and so are those from plates that are closer together than this, mm.
+const CLOSE_PLATES: f64 = 10.0;
 /// A lens axis that is further from the middle of the field than this share of its longer side is stated.
 const NOTABLE_OFFSET: f64 = 0.05;
 
@@ -138,6 +139,9 @@ pub(super) struct LensDocument {
     /// Where the lens axis meets the field, x and y; absent if the measurements do not show it.
     #[serde(skip_serializing_if = "Option::is_none")]
     axis_mm: Option<[Measured; 2]>,
+    /// By how much all beams of a telecentric lens are tilted, to x and y, deg; absent if the measurements show no tilt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    beam_tilt_deg: Option<[Measured; 2]>,
     /// Size marked on the calibrated plane divided by size drawn, for x and y.
     scale: [Measured; 2],
     /// Standard deviation of one measurement, mm.
@@ -203,6 +207,8 @@ struct Named {
     readings: LensReadings,
     crosses: Vec<String>,
     distances: Vec<String>,
+    /// Whether a distance was typed with the names of its crosses.
+    is_typed: bool,
 }
 
 pub(super) fn run(arguments: &CalibrateArguments) -> Outcome {
@@ -242,30 +248,102 @@ pub(super) fn run(arguments: &CalibrateArguments) -> Outcome {
     for typed in &arguments.distance {
         named.add_distance(typed, &grid)?;
     }
-    let found =
-        LensCalibration::fit(&named.readings).map_err(|error| Failure::rejected(reason(&error, &named)))?;
-    readings_are_mm(&found)?;
+    let fitted = LensCalibration::fit(&named.readings);
+    let fitted = match arguments.table.is_some() {
+        true => of_any_lens(&station, &named, fitted),
+        false => fitted,
+    };
+    let found = fitted.map_err(|error| Failure::rejected(reason(&error, &named)))?;
+    scale_is_possible(&found, &named, arguments.crosses)?;
     stops_are_shared(&found, &field.extents())?;
+    if let Some(distance) = found.not_excluded().filter(|_| arguments.table.is_none()) {
+        return Err(Failure::rejected(lens_not_excluded(&named, distance)));
+    }
     finish(arguments, &station, &field.extents(), &named, &found)
 }
 
-/// Refuses a scale that only another unit explains.
-fn readings_are_mm(found: &LensCalibration) -> Outcome {
-    let Some((scale, unit)) = found.scale.iter().find_map(|scale| {
-        let is = |(ratio, _): &&(f64, &str)| (scale.value / ratio - 1.0).abs() < UNIT_SHARE;
-        UNITS.iter().find(is).map(|(_, unit)| (scale.value, unit))
-    }) else {
+/// The fit for a lens table, which contains what two distances do not describe. Values that do not fit two distances are left out
+/// only if they do not fit the table either.
+fn of_any_lens(
+    station: &Station,
+    named: &Named,
+    fitted: Result<LensCalibration, CalibrationError>,
+) -> Result<LensCalibration, CalibrationError> {
+    match &fitted {
+        Ok(found) if found.left_out.is_empty() => return fitted,
+        Ok(_) | Err(CalibrationError::Contradictory { .. }) => {}
+        Err(_) => return fitted,
+    }
+    let all = LensReadings { any_lens: true, ..named.readings.clone() };
+    let whole = LensCalibration::fit(&all)?;
+    let fits = lens_table(station, named, &whole)
+        .is_ok_and(|table| read_lens_table(table.as_bytes(), Path::new("")).is_ok());
+    if fits { Ok(whole) } else { fitted }
+}
+
+/// A telecentric lens that the measurements show no better than one that is not.
+fn lens_not_excluded(named: &Named, distance: f64) -> Reason {
+    let what = format!(
+        "The measurements do not show whether the lens is telecentric: one with lens distances of {distance:.0} mm fits them as well{}.",
+        named.apart()
+    );
+    Reason::new(
+        "lens-not-determined",
+        what,
+        "Mark and measure crosses far apart, on plates at least 30 mm apart; `--reading` states how well you measure.",
+    )
+    .with_number("lens distance", distance, "mm", None)
+}
+
+/// Refuses a scale that only another unit, another grid or a misreading explains.
+fn scale_is_possible(found: &LensCalibration, named: &Named, crosses: u8) -> Outcome {
+    let unit = |scale: &Uncertain| unit_of_scale(scale.value, false).map(|unit| (scale.value, unit));
+    if let Some((scale, unit)) = found.scale.iter().find_map(unit) {
+        return Err(Failure::rejected(other_unit("On the calibrated plane", scale, unit)));
+    }
+    let off = |scale: &&Uncertain| (scale.value - 1.0).abs();
+    let Some(worst) = found.scale.iter().max_by(|one, other| off(one).total_cmp(&off(other))) else {
         return Ok(());
     };
+    // The names of crosses are those of the grid, while tables contain the places.
+    let is_typed = named.readings.crosses.is_empty() && named.is_typed;
+    let grid = (2..=9u8).filter(|count| is_typed && *count != crosses).find(|count| {
+        let scale = f64::from(crosses - 1) / f64::from(*count - 1);
+        found.scale.iter().all(|found| (found.value / scale - 1.0).abs() < GRID_SHARE)
+    });
+    let limit = if grid.is_some() { WRONG_GRID } else { WRONG_SCALE };
+    if off(&worst) <= limit {
+        return Ok(());
+    }
     let what = format!(
-        "On the calibrated plane, marks are measured {scale:.4} times as long as drawn: the readings are {unit}."
+        "On the calibrated plane, marks are measured {:.4} times as long as drawn, which is not a matter of calibration",
+        worst.value
     );
-    let reason = Reason::new(
-        "measurements-unit",
-        what,
-        "Give all readings in mm, with the decimal sign at its place.",
-    );
-    Err(Failure::rejected(reason.with_number("scale", scale, "", None)))
+    let (what, remedy) = match grid {
+        Some(count) => (
+            format!("{what}: the names are probably those of a drawing with {count} crosses along each side, not {crosses}."),
+            format!("Give the number of crosses with which the drawing was made, `--crosses {count}`."),
+        ),
+        None => (
+            format!("{what}."),
+            "Check that the drawing that was marked is the one of this station and of `--crosses`, and the readings. If marks are \
+             really of this size, calibrate the field in the marking software first."
+                .to_owned(),
+        ),
+    };
+    Err(Failure::rejected(Reason::new("field-scale", what, remedy).with_number(
+        "scale",
+        worst.value,
+        "",
+        Some(1.0),
+    )))
+}
+
+fn other_unit(place: &str, scale: f64, unit: &str) -> Reason {
+    let what =
+        format!("{place}, marks are measured {scale:.4} times as long as drawn: the readings are {unit}.");
+    Reason::new("measurements-unit", what, "Give all readings in mm, with the decimal sign at its place.")
+        .with_number("scale", scale, "", None)
 }
 
 /// Refuses an axis that is not in the field: a lens is over its field, so that the plates were not held against the same stops.
@@ -379,7 +457,8 @@ impl Named {
         let [z, from, to, measured] = words[..] else {
             return Err(wrong(format!("`--distance {typed}` does not have four parts.")));
         };
-        let number = |text: &str| text.parse::<f64>().ok().filter(|number| number.abs() <= 10_000.0);
+        let number =
+            |text: &str| text.replace(',', ".").parse::<f64>().ok().filter(|number| number.abs() <= 10_000.0);
         let (Some(z), Some(measured)) = (number(z), number(measured)) else {
             return Err(wrong(format!("`--distance {typed}` contains a number that cannot be read.")));
         };
@@ -389,7 +468,47 @@ impl Named {
         };
         self.readings.distances.push(DistanceReading { ends: [cross(from)?, cross(to)?], z, measured });
         self.distances.push(format!("{from}-{to}").to_ascii_uppercase());
+        self.is_typed = true;
         Ok(())
+    }
+
+    /// Lowest and highest plate, mm.
+    fn heights(&self) -> [f64; 2] {
+        let crosses = self.readings.crosses.iter().map(|cross| cross.z);
+        let heights = crosses.chain(self.readings.distances.iter().map(|distance| distance.z));
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)])
+    }
+
+    /// How far the plates are apart, if that is little, as the end of a sentence.
+    fn apart(&self) -> String {
+        let [low, high] = self.heights();
+        if high - low < CLOSE_PLATES {
+            format!(", as the plates are only {} mm apart", shown_height(high - low))
+        } else {
+            String::new()
+        }
+    }
+
+    /// A plate with a few crosses beside one with many: their height may be mistyped. As a sentence.
+    fn few_on_a_plate(&self) -> Option<String> {
+        let mut plates: Vec<(f64, Vec<&str>)> = Vec::new();
+        for (cross, name) in self.readings.crosses.iter().zip(&self.crosses) {
+            match plates.iter_mut().find(|(z, _)| (z - cross.z).abs() < 0.05) {
+                Some((_, names)) => names.push(name),
+                None => plates.push((cross.z, vec![name])),
+            }
+        }
+        let most = plates.iter().map(|(_, names)| names.len()).max().unwrap_or(0);
+        let (z, names) = plates.iter().min_by_key(|(_, names)| names.len())?;
+        let list = names.join(", ");
+        (4 * names.len() <= most).then(|| match names.len() {
+            1 => format!(
+                "At a height of {z} mm there is only the cross {list}: its height is probably mistyped."
+            ),
+            _ => format!(
+                "At a height of {z} mm there are only the crosses {list}: their height is probably mistyped."
+            ),
+        })
     }
 
     /// A value in words, such as `x of cross B2 on the plate at 30 mm`.
@@ -416,6 +535,11 @@ impl Named {
     }
 }
 
+/// A length without digits that only arithmetic made, mm.
+fn shown_height(length: f64) -> f64 {
+    (length * 1000.0).round() / 1000.0
+}
+
 fn reason(error: &CalibrationError, named: &Named) -> Reason {
     let undetermined = |what: String, remedy: &str| Reason::new("lens-not-determined", what, remedy);
     match *error {
@@ -432,6 +556,14 @@ fn reason(error: &CalibrationError, named: &Named) -> Reason {
             "Leave out rows, and check that the column height_mm has one height for each plate.",
         )
         .with_number("readings", readings as f64, "", Some(500.0)),
+        CalibrationError::NotDetermined { .. } | CalibrationError::Contradictory { .. }
+            if named.few_on_a_plate().is_some() =>
+        {
+            undetermined(
+                format!("{error}. {}", named.few_on_a_plate().unwrap_or_default()),
+                "Correct the column height_mm, or measure at least three crosses on each plate that are not on one line.",
+            )
+        }
         CalibrationError::NotDetermined { count } => undetermined(
             format!("{error}."),
             "Fill in more cells: on each plate at least three crosses that are not on one line, or distances along x and along y.",
@@ -447,6 +579,19 @@ fn reason(error: &CalibrationError, named: &Named) -> Reason {
             format!("{error}: measured {axis} becomes smaller where {axis} becomes larger."),
             "Count x to the right and y upwards, as in the field, from any zero.",
         ),
+        CalibrationError::Diverging { scale, .. } if unit_of_scale(scale, false).is_some() => {
+            other_unit("On the calibrated plane", scale, unit_of_scale(scale, false).unwrap_or_default())
+        }
+        CalibrationError::Steep { z, size, .. } if unit_of_scale(size, true).is_some() => {
+            let place = format!("On the plate at {z} mm");
+            other_unit(&place, size, unit_of_scale(size, true).unwrap_or_default())
+        }
+        CalibrationError::Steep { degrees, .. } => undetermined(
+            format!("{error}."),
+            "Check the column height_mm: the heights of the plates above the calibrated plane, in mm. With 3 instead of 30, a lens \
+             seems ten times as near.",
+        )
+        .with_number("tilt of the beam", degrees, "deg", None),
         CalibrationError::Diverging { growth, .. } => undetermined(
             format!("{error}; towards the lens, marks become smaller."),
             "Check the column height_mm: it is positive towards the lens.",
@@ -463,7 +608,8 @@ fn reason(error: &CalibrationError, named: &Named) -> Reason {
         CalibrationError::Contradictory { deviation, worst } => Reason::new(
             "measurement-contradicts",
             format!("{error}. The worst is {}.", named.contradiction(&worst)),
-            "Check the heights, the names of the crosses and this value, and measure again.",
+            "Check the heights, the names of the crosses and this value. If they are right, two distances do not describe this lens: \
+             measure five crosses along each side (`--draw DIR --crosses 5`), and write a lens table with `--table`.",
         )
         .with_number("standard deviation", deviation, "mm", Some(10.0 * named.readings.reading)),
         _ => undetermined(format!("{error}."), "Measure more crosses, far apart, on both plates."),
@@ -572,6 +718,12 @@ fn document(
         telecentric: found.is_telecentric(),
         lens_distances_mm: found.distances().map(|distances| distances.map(Measured::from)),
         axis_mm: found.axis.map(|axis| axis.map(Measured::from)),
+        beam_tilt_deg: found.tilt.map(|tilt| {
+            tilt.map(|Uncertain { value, deviation }| Measured {
+                value: value.atan().to_degrees(),
+                deviation: deviation.to_degrees(),
+            })
+        }),
         scale: found.scale.map(Measured::from),
         reading_mm: found.reading,
         spare: found.spare,
@@ -617,6 +769,11 @@ fn notices(
         }
     }
     notices.extend(lens_table.and_then(|table| table.notice()));
+    if lens_table.is_none() {
+        notices.extend(does_not_fit(named, found));
+        notices.extend(lens_uncertain(named, found));
+    }
+    notices.extend(beams_tilted(named, found, lens_table.is_some()));
     if found.axis.is_none() && !found.is_telecentric() {
         let message = "the axis of the lens was not measured; the settings keep it in the middle of the field, or at `axis_mm`. To \
                        measure it, hold all plates against the same two stops, measure positions from the same edges, and give \
@@ -625,6 +782,72 @@ fn notices(
     }
     notices.extend(axis_off_middle(field, found));
     notices
+}
+
+/// Two distances are a model, which short lenses with a wide field do not follow.
+fn does_not_fit(named: &Named, found: &LensCalibration) -> Option<Notice> {
+    let stated = named.readings.reading;
+    if found.spare == 0 || found.reading <= NOTABLE_SCATTER * stated {
+        return None;
+    }
+    let of_cross = found
+        .residuals
+        .iter()
+        .map(|residual| residual.norm())
+        .zip(&named.readings.crosses)
+        .zip(&named.crosses);
+    let of_cross = of_cross.map(|((size, cross), name)| (size, cross.z, name));
+    let of_distance = found.distance_residuals.iter().map(|size| size.abs()).zip(&named.readings.distances);
+    let of_distance =
+        of_distance.zip(&named.distances).map(|((size, distance), name)| (size, distance.z, name));
+    let sizes = of_cross.chain(of_distance).filter(|(size, ..)| size.is_finite());
+    let worst = sizes.max_by(|one, other| one.0.total_cmp(&other.0));
+    let worst = worst.map_or(String::new(), |(size, z, name)| {
+        format!(", most {name} on the plate at {z} mm, by {size:.2} mm")
+    });
+    let message = format!(
+        "the measurements differ from these lens distances by {:.3} mm, {:.1} times as much as `--reading` states{worst}: a value is \
+         wrong, or two distances do not describe this lens. If the values are right, measure five crosses along each side \
+         (`--draw DIR --crosses 5`), and write a lens table with `--table`",
+        found.reading,
+        found.reading / stated
+    );
+    Some(Notice::warning("lens-residual", message))
+}
+
+/// Lens distances from a small difference.
+fn lens_uncertain(named: &Named, found: &LensCalibration) -> Option<Notice> {
+    let distances = found.distances()?;
+    let share = distances.iter().map(|distance| distance.deviation / distance.value).fold(0.0, f64::max);
+    let apart = named.apart();
+    (share > NOTABLE_UNCERTAINTY || !apart.is_empty()).then(|| {
+        let message = format!(
+            "the lens distances are known to {:.1} % only{apart}; use plates 30 mm apart or more, and crosses far apart",
+            share * 100.0
+        );
+        Notice::warning("lens-uncertain", message)
+    })
+}
+
+/// The beams of a telecentric lens are parallel, but the head may be inclined.
+fn beams_tilted(named: &Named, found: &LensCalibration, with_table: bool) -> Option<Notice> {
+    let tilt = found.tilt?.map(|tilt| tilt.value);
+    let [low, high] = named.heights();
+    let (shift, degrees) =
+        (tilt.map(|tilt| tilt * (high - low)), Vector2::from(tilt).norm().atan().to_degrees());
+    let advice = match with_table {
+        true => "the lens table contains it",
+        false => {
+            "`kind = \"telecentric\"` does not contain it: mount the head upright and measure again, or write a lens table with `--table`, \
+             which contains it"
+        }
+    };
+    let message = format!(
+        "all beams are tilted by {degrees:.1} deg: marks on the plate at {high} mm are ({:+.2}, {:+.2}) mm from those on the plate at {low} \
+         mm, unless that plate was off its stops; {advice}",
+        shift[0], shift[1]
+    );
+    Some(Notice::warning("beams-tilted", message))
 }
 
 /// A lens is over the middle of its field, and a plate that is a little off its stops moves the axis by many times as much.
@@ -674,6 +897,10 @@ fn text(arguments: &LensArguments, document: &LensDocument) -> String {
                 x.value, x.deviation, y.value, y.deviation
             ),
         );
+    }
+    if let Some([x, y]) = &document.beam_tilt_deg {
+        let [x, y] = [x, y].map(|tilt| format!("{:.2} deg +- {:.2} deg", tilt.value, tilt.deviation));
+        line("beam tilt", format!("x {x}, y {y}"));
     }
     let [x, y] = &document.scale;
     line(
@@ -745,7 +972,8 @@ fn lens_table(station: &Station, named: &Named, found: &LensCalibration) -> Resu
         let shrink = Vector2::new(0, 1)
             .map(|side| found.scale[side].value * (1.0 - cross.z * found.convergence[side].value));
         let fitted = axis + (cross.aim.coords() - axis).component_mul(&shrink);
-        let seen = fitted + found.residuals[index];
+        let tilt = found.tilt.map_or(Vector2::zeros(), |tilt| Vector2::new(tilt[0].value, tilt[1].value));
+        let seen = fitted + found.residuals[index] + tilt * cross.z;
         let _ = writeln!(table, "{};{};{};{:.4};{:.4}", cross.aim.x, cross.aim.y, cross.z, seen.x, seen.y);
     }
     Ok(table)

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::formats::measurements::Measurements;
+use crate::formats::measurements::{Measurements, unit_of_scale};
 use crate::geometry::optics::Lens;
 use crate::geometry::optics::measured::{MOST_SIGHTINGS, MeasuredLens, MeasuredLensError, Sighting};
 use crate::geometry::space::FieldPoint;
@@ -79,6 +79,22 @@ pub(crate) fn read(bytes: &[u8], file: &Path) -> Result<MeasuredLens, BadTable> 
                     lines[index]
                 ),
                 "Measure this cross again, correct the value, or clear the cell.",
+            ),
+            MeasuredLensError::Scale { scale } => match unit_of_scale(scale, false) {
+                Some(unit) => (format!("{error}: seen_x_mm and seen_y_mm are {unit}."), "Give all readings in mm."),
+                None => (
+                    format!("{error}."),
+                    "Give all readings in mm, and in x_mm and y_mm the places in the drawing that was marked.",
+                ),
+            },
+            MeasuredLensError::Diverging { .. } => (
+                format!("{error}."),
+                "Check the sign of z_mm, which is positive towards the lens; and check that x_mm and y_mm are the places in the drawing, \
+                 and seen_x_mm and seen_y_mm those on the plate.",
+            ),
+            MeasuredLensError::Steep { .. } => (
+                format!("{error}."),
+                "Check the column z_mm: heights above the calibrated plane, in mm; and give all readings in mm.",
             ),
             _ => (format!("{error}."), "Check the column z_mm: heights above the calibrated plane, in mm."),
         };

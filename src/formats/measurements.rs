@@ -1,8 +1,8 @@
 //! Tables of measured values as spreadsheets write them: a line of column names, then one line for each measurement. Cells
 //! may be empty.
 //!
-//! Commas, semicolons or tabs separate the cells. With semicolons or tabs the decimal sign may be a comma. Lines that start
-//! with `#` and empty lines are skipped.
+//! Commas, semicolons or tabs separate the cells. With semicolons or tabs, and in quotes, the decimal sign may be a comma. Lines
+//! that start with `#` and empty lines are skipped. The text is UTF-8, or UTF-16 with its mark, as Excel writes "Unicode text".
 
 use crate::reason::{Place, Reason};
 
@@ -10,13 +10,33 @@ use crate::reason::{Place, Reason};
 const MAX_LINES: usize = 20_000;
 /// Coordinates beyond this are mistakes, mm.
 const FARTHEST: f64 = 10_000.0;
+/// Scales of readings in other units than mm, and what these are.
+const UNITS: [(f64, &str); 6] = [
+    (1.0 / 25.4, "in inches"),
+    (25.4, "in mm of a drawing in inches"),
+    (0.1, "in cm"),
+    (10.0, "in tenths of a mm"),
+    (0.001, "in m"),
+    (1000.0, "in micrometres"),
+];
+/// Readings on the calibrated plane differ by less than this share from their unit.
+const ON_PLANE: std::ops::RangeInclusive<f64> = 0.95..=1.05;
+/// Readings on a higher plate are smaller, up to this share.
+const ON_RAISED_PLATE: std::ops::RangeInclusive<f64> = 0.6..=1.05;
+
+/// The unit of readings that are this many times as long as what was drawn, such as `in inches`. On a plate above the calibrated
+/// plane marks are smaller.
+#[must_use]
+pub fn unit_of_scale(scale: f64, is_raised: bool) -> Option<&'static str> {
+    let around = if is_raised { ON_RAISED_PLATE } else { ON_PLANE };
+    UNITS.iter().find(|(unit, _)| around.contains(&(scale / unit))).map(|(_, name)| *name)
+}
 
 /// A table, by its column names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurements {
     names: Vec<String>,
     rows: Vec<Row>,
-    decimal_comma: bool,
 }
 
 /// A line of a table.
@@ -110,7 +130,7 @@ impl Measurements {
     /// # Errors
     /// When it has no column names, or a line does not fit them.
     pub fn read(bytes: &[u8]) -> Result<Self, MeasurementsError> {
-        let text = String::from_utf8_lossy(bytes);
+        let text = decoded(bytes);
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let lines = text.lines().zip(1u64..);
         // Excel writes and reads the separator in a line `sep=;`.
@@ -118,9 +138,7 @@ impl Measurements {
         let mut lines = lines.filter(|(line, _)| !is_skipped(line.trim()));
         let (head, _) = lines.next().ok_or(MeasurementsError::NoTable)?;
         let separator = [';', '\t'].into_iter().find(|sign| head.contains(*sign)).unwrap_or(',');
-        let cells = |line: &str| -> Vec<String> {
-            line.split(separator).map(|cell| cell.trim().trim_matches('"').trim().to_owned()).collect()
-        };
+        let cells = |line: &str| cells(line, separator);
         let names: Vec<String> = cells(head).iter().map(|name| name.to_lowercase()).collect();
         if names.len() < 2 || names.iter().any(|name| name.chars().any(char::is_control)) {
             return Err(MeasurementsError::NoTable);
@@ -147,7 +165,7 @@ impl Measurements {
             }
             rows.push(Row { line, cells });
         }
-        Ok(Self { names, rows, decimal_comma: separator != ',' })
+        Ok(Self { names, rows })
     }
 
     /// The number of lines with measurements.
@@ -196,8 +214,8 @@ impl Measurements {
         if cell.is_empty() {
             return Ok(None);
         }
-        let written = if self.decimal_comma { cell.replace(',', ".") } else { cell.to_owned() };
-        let number = written.parse::<f64>().ok().filter(|value| value.abs() <= FARTHEST);
+        // A comma inside a cell cannot separate cells.
+        let number = cell.replace(',', ".").parse::<f64>().ok().filter(|value| value.abs() <= FARTHEST);
         number.map(Some).ok_or_else(|| MeasurementsError::NotANumber {
             cell: cell.chars().take(40).collect(),
             column: name.into(),
@@ -213,6 +231,36 @@ impl Measurements {
         let empty = || MeasurementsError::Empty { column: name.into(), line: self.line(row) };
         self.number(row, name)?.ok_or_else(empty)
     }
+}
+
+/// The text of a file.
+fn decoded(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
+    let utf_16 = |bytes: &[u8], number: fn([u8; 2]) -> u16| {
+        let numbers: Vec<u16> = bytes.chunks_exact(2).map(|pair| number([pair[0], pair[1]])).collect();
+        String::from_utf16_lossy(&numbers).into()
+    };
+    match bytes {
+        [0xff, 0xfe, text @ ..] => utf_16(text, u16::from_le_bytes),
+        [0xfe, 0xff, text @ ..] => utf_16(text, u16::from_be_bytes),
+        _ => String::from_utf8_lossy(bytes),
+    }
+}
+
+/// The cells of a line. Separators inside quotes belong to the cell.
+fn cells(line: &str, separator: char) -> Vec<String> {
+    let (mut cells, mut cell, mut is_quoted) = (Vec::new(), String::new(), false);
+    for sign in line.chars() {
+        match sign {
+            '"' => is_quoted = !is_quoted,
+            _ if sign == separator && !is_quoted => {
+                cells.push(cell.trim().to_owned());
+                cell.clear();
+            }
+            _ => cell.push(sign),
+        }
+    }
+    cells.push(cell.trim().to_owned());
+    cells
 }
 
 #[cfg(test)]
@@ -246,8 +294,18 @@ mod tests {
             "\u{feff}sep=;\r\n# a comment\r\nName;X_mm;y_mm\r\nA1;1,5;-2\r\n;;\r\nB1;;3\r\n",
             "name\tx_mm\ty_mm\nA1\t1.5\t-2\n\nB1\t\t3",
             "name,x_mm,y_mm\n\"A1\",1.5,-2,,\nB1,,3\n",
+            "name,x_mm,y_mm\n\"A1\",\"1,5\",-2\nB1,\"\",\"3,0\"\n",
         ] {
+            let utf_16 = |bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
+                "\u{feff}"
+                    .encode_utf16()
+                    .chain(text.trim_start_matches('\u{feff}').encode_utf16())
+                    .flat_map(bytes)
+                    .collect()
+            };
             let table = Measurements::read(text.as_bytes()).unwrap();
+            assert_eq!(Measurements::read(&utf_16(u16::to_le_bytes)).as_ref(), Ok(&table));
+            assert_eq!(Measurements::read(&utf_16(u16::to_be_bytes)).as_ref(), Ok(&table));
             assert_eq!((table.len(), table.text(0, "name").unwrap()), (2, "A1"), "{text}");
             assert_eq!([0, 1].map(|row| table.number(row, "x_mm").unwrap()), [Some(1.5), None], "{text}");
             assert_eq!([0, 1].map(|row| table.required(row, "y_mm").unwrap()), [-2.0, 3.0], "{text}");

@@ -64,6 +64,14 @@ const CODES: &[Code] = &[
         "Look at how the head is mounted. If the lens is over the middle of the field, measure again with all plates against the \
          stops, or leave out `--stops`.",
     ]),
+    notice([
+        "beams-tilted",
+        "All beams of a telecentric lens are tilted.",
+        "The plates were held against the same stops, and the crosses on the higher plate are all shifted in the same direction: the head \
+         is inclined, or that plate was off its stops. Marks on a part that is higher than the calibrated plane are shifted as much for \
+         each mm. `kind = \"telecentric\"` does not contain a tilt; a lens table does.",
+        "Mount the head upright over the plane and measure again, or write a lens table with `--table`.",
+    ]),
     reason([
         "beamserver-answer",
         "BeamServer gave an answer that does not fit the command.",
@@ -441,12 +449,13 @@ const CODES: &[Code] = &[
         "Align texts with fields in the middle, or place the drawing by its origin (`--anchor origin`, `anchor = \"origin\"` under \
          [placement]).",
     ]),
-    notice([
+    both([
         "field-scale",
         "The marking software's own scale is not true.",
         "On the calibrated plane, crosses are marked farther apart or nearer than they are drawn. With lens \
          distances, isomark does not correct this: it is the calibration of the marking software. The lens distances are found in \
-         spite of it. A lens table (`--table`) contains the scale as it was measured, and isomark compensates for it.",
+         spite of it. A lens table (`--table`) contains the scale as it was measured, and isomark compensates for it. A scale that is off \
+         by more than 20 %, or that a drawing with another number of crosses explains, is refused.",
         "With lens distances, correct the scale in the marking software, with its own calibration. With a lens table, leave it as it is, \
          or mark and measure again after the correction. Check the ruler.",
     ]),
@@ -985,6 +994,15 @@ const CODES: &[Code] = &[
         "Measure the crosses on a second, higher plate, and fill in more cells of the table.",
     ]),
     notice([
+        "lens-residual",
+        "The measurements do not fit two lens distances.",
+        "The measured values differ from the lens that fits them best by more than three times as much as `--reading` states. A value is \
+         wrong, or the beams of this lens do not seem to meet in two points, as those of short lenses with a wide field. The lens \
+         distances are then wrong towards the rim of the field.",
+        "Check the value that is named. If all are right, measure five crosses along each side (`isomark calibrate lens --draw DIR --crosses \
+         5`), and write a lens table with `--table`.",
+    ]),
+    notice([
         "lens-table-residual",
         "The beams of the lens table are not known well.",
         "isomark puts polynomials through the rows of `table` under [optics], and compares each row with what all the others predict. \
@@ -992,6 +1010,13 @@ const CODES: &[Code] = &[
          more than so few crosses show. The length errors of the report are those of a lens that is as the table describes it.",
         "Measure again with a finer tool, at more crosses (`isomark calibrate lens --draw --crosses 5`) and on plates as low and as \
          high as the parts.",
+    ]),
+    notice([
+        "lens-uncertain",
+        "The lens distances are not known well.",
+        "They follow from how much smaller crosses are on a higher plate. On plates that are close together, and between crosses that are \
+         close together, the difference is hardly larger than the errors of the readings.",
+        "Use plates that are 30 mm apart or more, and crosses far apart.",
     ]),
     reason([
         "line-away",

@@ -515,3 +515,185 @@ fn readings_in_another_unit_are_refused() {
         calibrate(&desk, "--measured measured.csv").refused(1, &["measurements-unit", unit, "in mm"]);
     }
 }
+
+/// A lens whose beams are steeper towards the rim: by this share more for each mm² from the axis.
+fn pupil(share: f64) -> impl Fn(Point2<f64>, f64) -> Point2<f64> {
+    move |aim, z| {
+        let beside = aim - Point2::from(AXIS);
+        let steeper = 1.0 + share * beside.norm_squared();
+        aim - Vector2::new(beside.x / DISTANCES[0], beside.y / DISTANCES[1]) * steeper * z
+    }
+}
+
+#[test]
+fn a_lens_that_two_distances_do_not_describe_is_a_warning_and_has_a_table() {
+    let desk = desk();
+    desk.write("measured.csv", filled(&desk.text("lens/lens-positions.csv"), pupil(5e-6)));
+    let found = result(&desk, "--measured measured.csv --stops --reading 0.02");
+    assert_eq!(notices(&found), ["lens-residual"]);
+    let message = found["notices"][0]["message"].as_str().unwrap();
+    assert!(message.contains("--crosses 5") && message.contains("--table"), "{message}");
+    // So far from two distances that they contradict all values; the table has them.
+    let desk = Desk::new();
+    desk.write("station.toml", settings());
+    assert_eq!(calibrate(&desk, "--draw lens --crosses 5").code, 0);
+    let lens = pupil(3e-5);
+    desk.write("measured.csv", filled(&desk.text("lens/lens-positions.csv"), &lens));
+    let options = "--measured measured.csv --stops --reading 0.02";
+    calibrate(&desk, options).refused(1, &["measurement-contradicts", "--crosses 5", "--table"]);
+    let found = result(&desk, &format!("{options} --table lens/lens.csv --write"));
+    assert!(!notices(&found).contains(&"measurement-contradicts"), "{found:#}");
+    desk.write("plate.obj", "v 60 40 15\nv 140 40 15\nv 140 120 15\nv 60 120 15\nf 1 2 3\nf 1 3 4\n");
+    desk.write("square.dxf", SQUARE);
+    desk.correct("plate.obj", "square.dxf", "--station station.toml --part-unit mm --part-up z");
+    let marked: Vec<_> = lines(&desk.read("out.dxf"), "0").concat();
+    for (aim, drawn) in marked.iter().zip([[70.0, 50.0], [130.0, 50.0], [70.0, 110.0], [130.0, 110.0]]) {
+        let found = lens(*aim, 15.0);
+        assert!((found - Point2::from(drawn)).norm() < 0.02, "{found} for {drawn:?}");
+    }
+    // One value that is wrong by 5 mm is still found.
+    let table = desk.text("measured.csv");
+    let row = table.lines().find(|line| line.starts_with("B3;30;")).unwrap();
+    let cells: Vec<&str> = row.split(';').collect();
+    let wrong = format!("{:.4}", cells[4].parse::<f64>().unwrap() + 5.0);
+    desk.write("measured.csv", table.replace(row, &row.replace(cells[4], &wrong)));
+    calibrate(&desk, &format!("{options} --table lens/lens.csv")).refused(1, &["measurement-contradicts"]);
+}
+
+#[test]
+fn lenses_that_no_scan_head_has_are_refused_with_their_likely_cause() {
+    let desk = desk();
+    let table = desk.text("lens/lens-positions.csv");
+    let truth = |aim: Point2<f64>, z: f64| beam(aim, z).xy();
+    let exact = filled(&table, truth);
+    let refused = |text: &str, words: &[&str]| {
+        desk.write("measured.csv", text);
+        calibrate(&desk, "--measured measured.csv").refused(1, words);
+    };
+    // 3 typed for 30, in all rows and in one.
+    refused(&exact.replace(";30;", ";3;"), &["30.0 and 28.5 mm", "no scan head", "height_mm"]);
+    refused(
+        &exact.replace("B2;30;", "B2;3;"),
+        &["At a height of 3 mm there is only the cross B2", "height_mm"],
+    );
+    // Inches on the higher plate, and on the lower one.
+    for (inches, place) in [(30.0, "On the plate at 30 mm"), (0.0, "On the calibrated plane")] {
+        let seen = |aim: Point2<f64>, z: f64| {
+            Point2::from(truth(aim, z).coords / if z == inches { 25.4 } else { 1.0 })
+        };
+        refused(&filled(&table, seen), &["measurements-unit", place, "in inches"]);
+    }
+    // Plates that are nearly at one height show a lens poorly, and a telecentric one not at all.
+    let near = |aim: Point2<f64>, z: f64| truth(aim, z / 60.0);
+    let low = |text: String| text.replace(";30;", ";0.5;");
+    desk.write("measured.csv", low(filled(&table, near)));
+    let found = result(&desk, "--measured measured.csv --reading 0.001");
+    assert_eq!(notices(&found), ["lens-uncertain", "axis-not-measured"]);
+    let message = found["notices"][0]["message"].as_str().unwrap();
+    assert!(message.contains("plates are only 0.5 mm apart"), "{message}");
+    let mut noise = Noise(4);
+    let mut off = || 0.1 * noise.next();
+    let lines: Vec<String> = low(filled(&table, |aim, _| aim))
+        .lines()
+        .map(|line| match line.rsplit_once(';').and_then(|(rest, y)| Some((rest, y.parse::<f64>().ok()?))) {
+            Some((rest, y)) => format!("{rest};{:.4}\n", y + off()),
+            None => format!("{line}\n"),
+        })
+        .collect();
+    refused(
+        &lines.concat(),
+        &["lens-not-determined", "whether the lens is telecentric", "only 0.5 mm apart"],
+    );
+}
+
+#[test]
+fn the_tilt_of_a_telecentric_lens_is_reported_and_kept_in_the_table() {
+    let desk = desk();
+    let lens = |aim: Point2<f64>, z: f64| aim + Vector2::new(0.02, -0.01) * z;
+    desk.write("measured.csv", filled(&desk.text("lens/lens-positions.csv"), lens));
+    let found = result(&desk, "--measured measured.csv --stops");
+    assert_eq!((notices(&found), &found["telecentric"]), (vec!["beams-tilted"], &true.into()));
+    let message = found["notices"][0]["message"].as_str().unwrap();
+    assert!(message.contains("(+0.60, -0.30) mm"), "{message}");
+    assert_near(&[number(&found, "/beam_tilt_deg/0/value")], &[0.02f64.atan().to_degrees()], 1e-3);
+    result(&desk, "--measured measured.csv --stops --table lens/lens.csv --write");
+    desk.write("plate.obj", "v 60 40 25\nv 140 40 25\nv 140 120 25\nv 60 120 25\nf 1 2 3\nf 1 3 4\n");
+    desk.write("square.dxf", SQUARE);
+    desk.correct("plate.obj", "square.dxf", "--station station.toml --part-unit mm --part-up z");
+    let marked: Vec<_> = lines(&desk.read("out.dxf"), "0").concat();
+    for (aim, drawn) in marked.iter().zip([[70.0, 50.0], [130.0, 50.0], [70.0, 110.0], [130.0, 110.0]]) {
+        assert!((lens(*aim, 25.0) - Point2::from(drawn)).norm() < 0.01, "{aim} for {drawn:?}");
+    }
+}
+
+#[test]
+fn distances_between_crosses_of_another_grid_are_refused() {
+    let desk = Desk::new();
+    desk.write("station.toml", settings());
+    assert_eq!(calibrate(&desk, "--draw lens --crosses 5").code, 0);
+    let table = desk.text("lens/lens-positions.csv");
+    let at = |name: &str| {
+        let row = table.lines().find(|line| line.starts_with(&format!("{name};0;"))).unwrap();
+        let cells: Vec<f64> = row.split(';').skip(2).take(2).map(|cell| cell.parse().unwrap()).collect();
+        Point2::new(cells[0], cells[1])
+    };
+    // Typed with a decimal comma.
+    let typed = |z: f64, [from, to]: [&str; 2]| {
+        let length = (beam(at(from), z) - beam(at(to), z)).norm();
+        format!("{z} {from} {to} {length:.2}").replace('.', ",")
+    };
+    let pairs = [["A1", "C1"], ["A1", "A3"], ["A3", "C3"], ["C1", "C3"]];
+    let distances: Vec<String> =
+        [0.0, 30.0].into_iter().flat_map(|z| pairs.map(|pair| typed(z, pair))).collect();
+    let mut arguments = vec!["calibrate", "lens", "station.toml"];
+    arguments.extend(distances.iter().flat_map(|typed| ["--distance", typed]));
+    desk.isomark(&arguments).refused(1, &["field-scale", "0.5000 times", "--crosses 5"]);
+    arguments.extend(["--crosses", "5"]);
+    let output = desk.isomark(&arguments);
+    assert!(output.code == 0 && output.out.contains("lens distance x   300."), "{output:?}");
+}
+
+#[test]
+fn a_lens_that_nobody_stated_is_noted_where_it_matters() {
+    let desk = Desk::new();
+    let sides = |x: f64, y: f64| {
+        let line = |[from, to]: [[f64; 2]; 2]| {
+            format!("0\nLINE\n8\n0\n10\n{}\n20\n{}\n11\n{}\n21\n{}\n", from[0], from[1], to[0], to[1])
+        };
+        let sides = [[[-x, -y], [x, -y]], [[-x, y], [x, y]]].map(line).concat();
+        SQUARE.split_once("0\nLINE").unwrap().0.to_owned() + &sides + "0\nENDSEC\n0\nEOF\n"
+    };
+    desk.write("wide.dxf", sides(20.0, 15.0));
+    desk.write("small.dxf", sides(3.0, 2.0));
+    let correct = |drawing: &str, options: &str| {
+        desk.correct_to("out.dxf", &[drawing], &format!("--cylinder 66,120 {options}"))
+    };
+    let report = correct("wide.dxf", "");
+    let notice =
+        report["notices"].as_array().unwrap().iter().find(|notice| notice["code"] == "lens-assumed").unwrap();
+    // The crest is 33 mm above the axis, and the ink reaches 20 mm round it; a lens over 110 mm is 1.6 times as far away.
+    let (half, span) = (33.0 * (20.0f64 / 33.0).sin(), 33.0 * (1.0 - (20.0f64 / 33.0).cos()));
+    let shift = format!("{:.1} mm against", half.hypot(15.0) * span / 176.0);
+    assert!(
+        notice["severity"] == "note" && notice["message"].as_str().unwrap().contains(&shift),
+        "{shift}: {notice}"
+    );
+    let summary = desk.isomark(&["correct", "--cylinder", "66,120", "wide.dxf", "--out", "out.dxf"]).err;
+    assert!(summary.contains("\n  note: nobody stated the lens"), "{summary}");
+    for (drawing, options) in [
+        ("small.dxf", ""),
+        ("wide.dxf", "--set optics.kind=telecentric"),
+        (
+            "wide.dxf",
+            "--set optics.kind=perspective --set optics.lens_distance_x_mm=176 --set optics.lens_distance_y_mm=170",
+        ),
+    ] {
+        assert!(!notices(&correct(drawing, options)).contains(&"lens-assumed"), "{drawing} {options}");
+    }
+    // What `init` writes states no lens.
+    assert_eq!(desk.isomark(&["init", "line"]).code, 0);
+    let checked = desk.isomark(&["check", "line/station.toml"]);
+    assert!(checked.out.contains("the lens is not stated"), "{checked:?}");
+    let stated = desk.isomark(&["check", "line/station.toml", "--set", "optics.kind=telecentric"]);
+    assert!(!stated.out.contains("the lens is not stated"), "{stated:?}");
+}

@@ -7,6 +7,7 @@
 
 use nalgebra::{DMatrix, DVector, Rotation2, Vector2};
 
+use super::STEEPEST_BEAM;
 use super::least_squares::{self, Solution};
 use crate::geometry::space::{Extents, FieldPoint};
 
@@ -28,6 +29,8 @@ const MOST: (usize, usize) = (500, 20);
 const STOPS: f64 = 0.1;
 /// Plates that are turned less against each other may have been held against the same stops, rad.
 const SAME_TURN: f64 = 0.005;
+/// Lenses that are not telecentric are nearer than this, mm: those of F = 1000 mm are the longest.
+const FARTHEST_LENS: f64 = 1000.0;
 /// With this number of spare values, their residuals show how well was measured.
 const ENOUGH_SPARE: usize = 6;
 /// A difference of this many standard deviations is one.
@@ -64,6 +67,8 @@ pub struct LensReadings {
     pub distances: Vec<DistanceReading>,
     /// Whether all plates were held against the same stops and measured from the same edges.
     pub same_stops: bool,
+    /// Whether the lens may be one that two distances do not describe: then nothing is left out because it does not fit them.
+    pub any_lens: bool,
     /// Standard deviation of one reading, mm; used while too few values show it.
     pub reading: f64,
 }
@@ -117,6 +122,9 @@ pub struct LensCalibration {
     pub scale: [Uncertain; 2],
     /// Where the axis meets the field, mm; `None` if the readings do not show it, or for a telecentric lens, which needs none.
     pub axis: Option<[Uncertain; 2]>,
+    /// How far all beams move sideways for each mm of height, to x and y, under a telecentric lens; `None` if the readings do not
+    /// show it. The axis of another lens contains it.
+    pub tilt: Option<[Uncertain; 2]>,
     /// The plates whose crosses were measured by position.
     pub plates: Vec<PlateFit>,
     /// For each reading of a cross, measured minus fitted in the directions of the field, mm; NaN where nothing was measured.
@@ -177,6 +185,23 @@ pub enum CalibrationError {
         axis: char,
         /// Growth for each mm of height.
         growth: f64,
+        /// Size marked at z = 0 divided by size drawn.
+        scale: f64,
+    },
+    /// No scan head deflects a beam as far as these lens distances need.
+    #[error(
+        "the lens distances would be {:.1} and {:.1} mm, and the beam to a corner of the crosses tilted by {degrees:.0} deg, which no \
+         scan head reaches", distances[0], distances[1]
+    )]
+    Steep {
+        /// The lens distances for x and y, mm.
+        distances: [f64; 2],
+        /// The tilt of the beam, deg.
+        degrees: f64,
+        /// The height of the highest plate, mm.
+        z: f64,
+        /// Size marked on this plate divided by size drawn.
+        size: f64,
     },
     /// A plate was measured above the lens.
     #[error("the plate at {z} mm would be above the lens at {distance:.1} mm")]
@@ -234,6 +259,13 @@ impl LensCalibration {
         is_telecentric(&self.convergence)
     }
 
+    /// The distance of the nearest lens that the readings of a telecentric one do not exclude, mm, if such lenses exist.
+    pub fn not_excluded(&self) -> Option<f64> {
+        let most = self.convergence.map(|k| k.value + SURE * k.deviation);
+        let most = most[0].max(most[1]);
+        (self.is_telecentric() && most > 1.0 / FARTHEST_LENS).then(|| 1.0 / most)
+    }
+
     /// The lens distances for x and y, mm; `None` for a telecentric lens.
     pub fn distances(&self) -> Option<[Uncertain; 2]> {
         let distance =
@@ -252,7 +284,8 @@ impl LensCalibration {
         let most = problem.places.len().div_ceil(MOST_LEFT_OUT).min(MOST_MISTAKES);
         let solution = loop {
             let solution = problem.solve(&places)?;
-            let Some(odd) = solution.most_contradicting() else { break solution };
+            let odd = solution.most_contradicting().filter(|_| !readings.any_lens);
+            let Some(odd) = odd else { break solution };
             let contradicts = odd.ratio > CONTRADICTS_RATIO && odd.difference.abs() > CONTRADICTS;
             let deviation = solution.deviation().unwrap_or(0.0);
             let is_lost = deviation > MOST_DEVIATION * readings.reading;
@@ -444,12 +477,14 @@ impl<'a> Problem<'a> {
         let highest = highest.fold(f64::NEG_INFINITY, f64::max);
         for (axis, k) in ['x', 'y'].into_iter().zip(convergence) {
             if k.value < -SURE * k.deviation.max(1e-7) {
-                return Err(CalibrationError::Diverging { axis, growth: -k.value });
+                let scale = unknowns[if axis == 'x' { 2 } else { 3 }];
+                return Err(CalibrationError::Diverging { axis, growth: -k.value, scale });
             }
             if k.value * highest >= 1.0 {
                 return Err(CalibrationError::AboveLens { z: highest, distance: 1.0 / k.value });
             }
         }
+        self.check_steepness(unknowns, highest)?;
         let plates = self.plates.iter().enumerate().map(|(index, z)| {
             let turn = unknowns[LENS + 3 * index];
             PlateFit { z: *z, rotation: turn.sin().atan2(turn.cos()) }
@@ -462,11 +497,16 @@ impl<'a> Problem<'a> {
             let back = Rotation2::new(-unknowns[LENS + 3 * self.plate_of[index]]) * full;
             if turned.iter().all(|value| value.is_nan()) { turned } else { back }
         });
+        let is_telecentric = is_telecentric(&convergence);
         Ok(LensCalibration {
             convergence,
             scale: [known(2), known(3)],
-            axis: match self.readings.same_stops && !is_telecentric(&convergence) {
+            axis: match self.readings.same_stops && !is_telecentric {
                 true => self.axis(solution, reading)?,
+                false => None,
+            },
+            tilt: match self.readings.same_stops && is_telecentric {
+                true => self.tilt(solution, reading),
                 false => None,
             },
             plates: plates.collect(),
@@ -478,6 +518,55 @@ impl<'a> Problem<'a> {
             spare,
             left_out,
         })
+    }
+
+    /// Checks that a scan head can send a beam to all crosses.
+    fn check_steepness(&self, unknowns: &[f64], highest: f64) -> Result<(), CalibrationError> {
+        let crosses = self.readings.crosses.iter().map(|cross| cross.aim.coords());
+        let ends = self.readings.distances.iter().flat_map(|distance| distance.ends.map(FieldPoint::coords));
+        let half = Extents::of(crosses.chain(ends)).size() / 2.0;
+        let tilt = Vector2::new(half.x * unknowns[0], half.y * unknowns[1]).norm().atan();
+        if tilt <= STEEPEST_BEAM {
+            return Ok(());
+        }
+        let size = Self::shrink(unknowns, highest);
+        Err(CalibrationError::Steep {
+            distances: [1.0 / unknowns[0], 1.0 / unknowns[1]],
+            degrees: tilt.to_degrees(),
+            z: highest,
+            size: (size.x + size.y) / 2.0,
+        })
+    }
+
+    /// The shifts of the plates under a telecentric lens, whose beams are parallel but may be tilted. `None` unless plates against
+    /// the same stops show a tilt.
+    fn tilt(&self, solution: &Solution, reading: f64) -> Option<[Uncertain; 2]> {
+        let unknowns = solution.unknowns.as_slice();
+        let plates = self.plates.len();
+        if plates < 2 || self.are_turned_alike(solution, reading).is_err() {
+            return None;
+        }
+        let mut found = [Uncertain { value: 0.0, deviation: 0.0 }; 2];
+        for axis in 0..2 {
+            let matrix = DMatrix::from_fn(
+                plates,
+                2,
+                |plate, column| if column == 0 { 1.0 } else { self.plates[plate] },
+            );
+            let shift = |plate: usize| {
+                let at = LENS + 3 * plate;
+                (Rotation2::new(-unknowns[LENS]) * Vector2::new(unknowns[at + 1], unknowns[at + 2]))[axis]
+            };
+            let shifts = DVector::from_iterator(plates, (0..plates).map(shift));
+            let fitted = least_squares::linear(&matrix, &shifts)?;
+            let of_shift = solution.uncertainty(LENS + 1 + axis, reading).hypot(STOPS);
+            // Shifts that are not even were not made by beams.
+            if fitted.deviation().is_some_and(|deviation| deviation > SURE * of_shift) {
+                return None;
+            }
+            found[axis] = Uncertain { value: fitted.unknowns[1], deviation: fitted.uncertainty(1, of_shift) };
+        }
+        found.iter().any(|tilt| tilt.value.abs() > SURE * tilt.deviation).then_some(found)
     }
 
     /// The axis: the point of the drawing that all plates show at the same place. The middle of the crosses is at t + a·(1 − g) of
@@ -683,6 +772,13 @@ mod tests {
         let gaps = |readings: &mut LensReadings| {
             readings.crosses[2..].iter_mut().for_each(|cross| cross.measured[0] = None);
         };
+        // Typed 3 for 30 mm.
+        let low =
+            |readings: &mut LensReadings| readings.crosses[9..].iter_mut().for_each(|cross| cross.z = 3.0);
+        let inches = |readings: &mut LensReadings| {
+            let measured = readings.crosses[9..].iter_mut().flat_map(|cross| &mut cross.measured);
+            measured.flatten().for_each(|value| *value /= 25.4);
+        };
         let lost = |readings: &mut LensReadings| {
             let wrong = readings.crosses.iter_mut().step_by(2).zip(1..);
             wrong.for_each(|(cross, by)| {
@@ -690,7 +786,9 @@ mod tests {
             });
         };
         type Spoil = fn(&mut LensReadings);
-        let cases: [(Spoil, &str); 6] = [
+        let cases: [(Spoil, &str); 8] = [
+            (low, "would be 30.0 and 28."),
+            (inches, "which no scan head reaches"),
             (swap, "x and y seem swapped on the plate at 30 mm"),
             (mirror, "the sign of y seems wrong on the plate at 0 mm"),
             (sink, "the marks become larger in x on the higher plate"),
@@ -763,6 +861,44 @@ mod tests {
             }
             let found = LensCalibration::fit(&readings).unwrap();
             assert!(found.is_telecentric() && found.axis.is_none(), "{turn}, {shift}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn the_tilt_of_parallel_beams_is_found_from_plates_against_the_same_stops() {
+        let mut readings = crosses(&mut Noise(5), 0.02, true);
+        let mut noise = Noise(7);
+        let tilt = Vector2::new(0.02, -0.01);
+        for cross in &mut readings.crosses {
+            let at = Rotation2::new(0.6) * (cross.aim.coords() + tilt * cross.z) + Vector2::new(3.0, 5.0);
+            cross.measured = [at.x, at.y].map(|value| Some(value + 0.02 * noise.next()));
+        }
+        let found = LensCalibration::fit(&readings).unwrap();
+        let [x, y] = found.tilt.unwrap();
+        assert!(found.is_telecentric() && found.axis.is_none(), "{found:?}");
+        assert!((x.value - 0.02).abs() < 0.001 && (y.value + 0.01).abs() < 0.001, "{found:?}");
+        // Without a tilt, and without stops, there is none to report.
+        readings.same_stops = false;
+        assert!(LensCalibration::fit(&readings).unwrap().tilt.is_none());
+        readings.same_stops = true;
+        for cross in &mut readings.crosses {
+            cross.measured = [cross.aim.x, cross.aim.y].map(|value| Some(value + 0.02 * noise.next()));
+        }
+        assert!(LensCalibration::fit(&readings).unwrap().tilt.is_none());
+    }
+
+    #[test]
+    fn readings_that_do_not_exclude_a_near_lens_do_not_show_a_telecentric_one() {
+        for (height, excluded) in [(30.0, true), (0.5, false)] {
+            let mut readings = crosses(&mut Noise(5), 0.02, false);
+            let mut noise = Noise(8);
+            for cross in &mut readings.crosses {
+                cross.z = if cross.z > 0.0 { height } else { 0.0 };
+                cross.measured = [cross.aim.x, cross.aim.y].map(|value| Some(value + 0.02 * noise.next()));
+            }
+            let found = LensCalibration::fit(&readings).unwrap();
+            assert!(found.is_telecentric());
+            assert_eq!(found.not_excluded().is_none(), excluded, "{height}: {found:?}");
         }
     }
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Point3, Vector2};
 
+use super::STEEPEST_BEAM;
 use super::beam::Beam;
 use super::least_squares::{self, Solution};
 use crate::geometry::space::{Extents, FieldPoint};
@@ -16,6 +17,13 @@ const BETTER: f64 = 0.9;
 const MISTAKE_RATIO: f64 = 8.0;
 /// … and in mm.
 const MISTAKE: f64 = 0.5;
+/// Beams may grow apart by this share for each mm of height, as under a telecentric lens that is not quite parallel; the beams of
+/// other lenses come together by more.
+const DIVERGENCE: f64 = 7e-4;
+/// A difference of this many standard deviations is one.
+const SURE: f64 = 3.0;
+/// Sizes on the calibrated plane are within this share of the sizes drawn, as far as a marking software is calibrated at all.
+const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 /// Beams are known up to this share of the measured rectangle beyond its sides.
 const BEYOND: f64 = 0.1;
 /// Largest number of measurements.
@@ -120,6 +128,26 @@ pub enum MeasuredLensError {
         /// What the others predict, mm.
         predicted: f64,
     },
+    /// Sizes on the calibrated plane are far from those that were drawn.
+    #[error("on the calibrated plane, marks are seen {scale:.4} times as long as drawn")]
+    Scale {
+        /// Size marked divided by size drawn.
+        scale: f64,
+    },
+    /// The beams grow apart towards the lens.
+    #[error("the beams grow apart towards the lens: marks become larger by {:.2} % in {axis} for each mm of height", growth * 100.0)]
+    Diverging {
+        /// `x` or `y`.
+        axis: char,
+        /// Growth for each mm of height.
+        growth: f64,
+    },
+    /// A beam is tilted farther than a scan head deflects it.
+    #[error("a beam would be tilted by {degrees:.0} deg, which no scan head reaches")]
+    Steep {
+        /// Its tilt, deg.
+        degrees: f64,
+    },
     /// The beams cross within the measured heights.
     #[error("the beams cross at a height of {height:.1} mm")]
     Crossing {
@@ -146,6 +174,7 @@ impl MeasuredLens {
         }
         let area = Extents::of(rows.iter().map(|row| row.aim.coords()));
         check_directions(rows, &area)?;
+        check_growth(rows, &area)?;
         let candidates = (1..=MOST_DEGREE).filter_map(|degree| Candidate::new(rows, &area, degree));
         let best = candidates
             .reduce(|best, next| if next.prediction < BETTER * best.prediction { next } else { best });
@@ -170,6 +199,10 @@ impl MeasuredLens {
         lens.height = lens.crossing();
         if lens.height <= heights[1] {
             return Err(MeasuredLensError::Crossing { height: lens.height });
+        }
+        let steepest = rows.iter().map(|row| lens.beam(row.aim).slope.norm()).fold(0.0, f64::max).atan();
+        if steepest > STEEPEST_BEAM {
+            return Err(MeasuredLensError::Steep { degrees: steepest.to_degrees() });
         }
         Ok((lens, fit))
     }
@@ -388,6 +421,29 @@ fn check_directions(rows: &[Sighting], area: &Extents) -> Result<(), MeasuredLen
     }
 }
 
+/// Checks that sizes are about right on the calibrated plane and do not grow towards the lens. Both show as the linear part of the
+/// points seen, whatever the lens.
+fn check_growth(rows: &[Sighting], area: &Extents) -> Result<(), MeasuredLensError> {
+    let matrix = DMatrix::from_fn(rows.len(), 6, |row, column| {
+        let Sighting { aim, z, .. } = rows[row];
+        let beside = aim.coords() - area.center();
+        [1.0, z, beside.x, beside.y, z * beside.x, z * beside.y][column]
+    });
+    for axis in 0..2 {
+        let seen = DVector::from_iterator(rows.len(), rows.iter().map(|row| row.seen[axis]));
+        let Some(found) = least_squares::linear(&matrix, &seen) else { continue };
+        let (scale, growth) = (found.unknowns[2 + axis], found.unknowns[4 + axis]);
+        if !SCALES.contains(&scale) {
+            return Err(MeasuredLensError::Scale { scale });
+        }
+        let known = found.uncertainty(4 + axis, found.deviation().unwrap_or(0.0));
+        if growth > DIVERGENCE && growth > SURE * known {
+            return Err(MeasuredLensError::Diverging { axis: ['x', 'y'][axis], growth });
+        }
+    }
+    Ok(())
+}
+
 /// A point of the field with the measured rectangle as the square from −1 to 1.
 fn scaled(aim: FieldPoint, area: &Extents) -> Vector2<f64> {
     (aim.coords() - area.center()).component_div(&(area.size() / 2.0))
@@ -409,4 +465,44 @@ fn fingerprint(rows: &[Sighting]) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a lens with distances of 300 and 285 mm shows of 5 × 5 crosses at two heights.
+    fn rows() -> Vec<Sighting> {
+        let place = |index: u8| f64::from(index) * 25.0 - 50.0;
+        let crosses = (0..25).map(|cross| FieldPoint::new(place(cross % 5), place(cross / 5)));
+        let seen = |z: f64| {
+            crosses.clone().map(move |aim| {
+                let seen = Vector2::new(aim.x * (1.0 - z / 300.0), aim.y * (1.0 - z / 285.0));
+                Sighting { aim, z, seen }
+            })
+        };
+        seen(0.0).chain(seen(30.0)).collect()
+    }
+
+    #[test]
+    fn tables_of_beams_that_no_lens_sends_are_refused_with_their_cause() {
+        let fit = |change: &dyn Fn(Sighting) -> Sighting| {
+            let rows: Vec<Sighting> = rows().into_iter().map(change).collect();
+            MeasuredLens::fit(&rows).map(|(lens, _)| lens.heights()).map_err(|error| error.to_string())
+        };
+        assert_eq!(fit(&|row| row), Ok([0.0, 30.0]));
+        let refused = |change: &dyn Fn(Sighting) -> Sighting, words: &str| {
+            let error = fit(change).unwrap_err();
+            assert!(error.contains(words), "{error}");
+        };
+        refused(&|row| Sighting { z: -row.z, ..row }, "marks become larger by 0.33 % in x for each mm");
+        let exchanged = |row: Sighting| Sighting { aim: row.seen.into(), seen: row.aim.coords(), ..row };
+        refused(&exchanged, "marks become larger by");
+        refused(&|row| Sighting { seen: row.seen / 25.4, ..row }, "0.0394 times as long as drawn");
+        // Typed 3 for 30 mm: the corner at 70 mm would be seen from 30 mm.
+        refused(&|row| Sighting { z: row.z / 10.0, ..row }, "tilted by 68 deg");
+        // Beams of a telecentric lens may be a little apart.
+        let apart = |row: Sighting| Sighting { seen: row.aim.coords() * (1.0 + 4e-4 * row.z), ..row };
+        assert!(fit(&apart).is_ok());
+    }
 }
