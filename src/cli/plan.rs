@@ -10,6 +10,7 @@ use super::named_files::{name_of, read_file, station};
 use super::outcome::{Failure, Outcome, print, print_json};
 use crate::formats::pattern::{PatternOptions, read};
 use crate::geometry::belt::{Belt, BeltPlan};
+use crate::geometry::pattern::Pattern;
 use crate::reason::Reason;
 
 /// Name and version of the JSON form.
@@ -92,7 +93,8 @@ pub(super) struct Document {
     total_s: f64,
     /// Whether one laser can mark all lines while the product passes, before the next product.
     fits: bool,
-    /// The fastest belt at which one laser can mark every product, mm/s; absent if a line is longer than the field.
+    /// The fastest belt at which one laser can mark every product, mm/s, with a pitch also before the next one; absent if a line is
+    /// longer than the field, or products are longer than the pitch.
     #[serde(skip_serializing_if = "Option::is_none")]
     fastest_belt_mm_per_s: Option<f64>,
     /// Smallest distance from one product to the next, mm, that leaves the laser the time for each.
@@ -170,7 +172,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Outcome {
             Some(turned[1]),
         )));
     }
-    let document = document(name, &belt, &plan, arguments);
+    let document = document(name, &belt, (&reading.pattern, &plan), arguments);
     if arguments.json {
         let text =
             serde_json::to_string_pretty(&document).map_err(|error| Failure::environment(&error.into()))?;
@@ -209,9 +211,35 @@ fn is_of_tile(layer: &str) -> bool {
     angle.starts_with(['+', '-']) && angle.len() == "+045.000".len() && angle.parse::<f64>().is_ok()
 }
 
-fn document(drawing: String, belt: &Belt, plan: &BeltPlan, arguments: &PlanArguments) -> Document {
+/// A speed rounded down, so that it works as it is printed, mm/s.
+fn rounded_down(speed: f64) -> f64 {
+    let steps = if speed < 1.0 { 1e5 } else { 100.0 };
+    (speed * steps).floor() / steps
+}
+
+/// The same as text.
+fn shown_speed(speed: f64) -> String {
+    let digits = if speed < 1.0 { 5 } else { 2 };
+    format!("{:.digits$} mm/s", rounded_down(speed))
+}
+
+/// A distance rounded up, so that it is enough as it is printed, mm.
+fn rounded_up(distance: f64) -> f64 {
+    (distance * 100.0 - 1e-6).ceil() / 100.0
+}
+
+fn document(
+    drawing: String,
+    belt: &Belt,
+    (pattern, plan): (&Pattern, &BeltPlan),
+    arguments: &PlanArguments,
+) -> Document {
     let total: f64 = plan.times.iter().sum();
     let pitch = arguments.pitch;
+    let fastest = match pitch {
+        Some(pitch) => belt.fastest_at(pattern, pitch),
+        None => plan.fastest,
+    };
     // Marks of neighbouring products do not overlap, however fast the laser is.
     let smallest_pitch = (plan.span * belt.speed).max(plan.size[0]);
     let passes =
@@ -219,26 +247,47 @@ fn document(drawing: String, belt: &Belt, plan: &BeltPlan, arguments: &PlanArgum
     let follows = pitch.is_none_or(|pitch| pitch >= smallest_pitch * (1.0 - 1e-9));
     let brought = pitch.map(|pitch| belt.speed / pitch);
     let possible = (1.0 / plan.span).min(belt.speed / smallest_pitch);
+    let slow = |fastest: f64| format!("Slow the belt to at most {}", shown_speed(fastest));
     let remedy = match (passes, plan.fastest) {
         (false, None) => Some(format!(
             "Split lines longer than the field: one spans {:.2} mm along the belt, and the field is {:.2} mm long.",
             plan.longest, belt.field
         )),
-        (false, Some(fastest)) if plan.sections.iter().any(|section| section.too_short.is_some()) => {
-            let slow = plan.sections.iter().filter_map(|section| Some((section.time, section.too_short?)));
-            let (time, left) = slow.max_by(|a, b| (a.0 - a.1).total_cmp(&(b.0 - b.1))).unwrap_or_default();
+        // However slow the belt is, products are on each other.
+        (_, Some(alone)) if pitch.is_some_and(|pitch| pitch < plan.size[0] * (1.0 - 1e-9)) => {
+            let speed = if passes { belt.speed } else { rounded_down(alone) };
+            let needed = Belt { speed, ..*belt }.plan(pattern).map_or(0.0, |plan| plan.span * speed);
+            let needed = rounded_up(needed.max(plan.size[0]));
+            let and = if passes {
+                String::new()
+            } else {
+                format!(" and slow the belt to at most {}", shown_speed(alone))
+            };
             Some(format!(
-                "Slow the belt to at most {fastest:.2} mm/s, mark faster, or split long lines: one line takes {time:.4} s, and is in the \
-                 field for {left:.4} s."
+                "Put products at least {needed:.2} mm apart{and}: each is {:.2} mm long, so that marks of neighbouring products would \
+                 overlap.",
+                plan.size[0]
             ))
         }
-        (false, Some(fastest)) => Some(format!(
-            "Slow the belt to at most {fastest:.2} mm/s, or divide the drawing between {} lasers as in the sections.",
+        (false, Some(alone)) if plan.sections.iter().any(|section| section.too_short.is_some()) => {
+            let late = plan.sections.iter().filter_map(|section| Some((section.time, section.too_short?)));
+            let (time, left) = late.max_by(|a, b| (a.0 - a.1).total_cmp(&(b.0 - b.1))).unwrap_or_default();
+            Some(format!(
+                "{}, mark faster, or split long lines: one line takes {time:.4} s, and is in the field for {left:.4} s.",
+                slow(fastest.unwrap_or(alone))
+            ))
+        }
+        (false, Some(alone)) => Some(format!(
+            "{}, or divide the drawing between {} lasers as in the sections.",
+            slow(fastest.unwrap_or(alone)),
             plan.sections.len()
         )),
         (true, _) if !follows => Some(format!(
-            "Put products at least {smallest_pitch:.2} mm apart, mark faster, or use more lasers: each product takes {:.3} s and is {:.2} mm long.",
-            plan.span, plan.size[0]
+            "{} products at least {:.2} mm apart, mark faster, or use more lasers: each product takes {:.3} s and is {:.2} mm long.",
+            fastest.map_or_else(|| "Put".to_owned(), |fastest| slow(fastest) + ", put"),
+            rounded_up(smallest_pitch),
+            plan.span,
+            plan.size[0]
         )),
         (true, _) => None,
     };
@@ -253,7 +302,7 @@ fn document(drawing: String, belt: &Belt, plan: &BeltPlan, arguments: &PlanArgum
         delay_s: plan.times[2],
         total_s: total,
         fits: passes && follows,
-        fastest_belt_mm_per_s: plan.fastest,
+        fastest_belt_mm_per_s: fastest,
         smallest_pitch_mm: smallest_pitch,
         products_per_s: brought.map_or(possible, |brought| brought.min(possible)),
         lead_mm: arguments.correction_time.map(|time| belt.lead(time)),
@@ -291,7 +340,9 @@ fn text(plan: &Document, arguments: &PlanArguments) -> String {
     );
     if let Some(fastest) = plan.fastest_belt_mm_per_s {
         text += &format!(
-            "  fastest belt  {fastest:.2} mm/s for one laser, with the paths in the order along the belt (`--json` lists it)\n"
+            "  fastest belt  {} for one laser{}, with the paths in the order along the belt (`--json` lists it)\n",
+            shown_speed(fastest),
+            arguments.pitch.map_or(String::new(), |pitch| format!(" and products {pitch} mm apart"))
         );
     }
     text += &format!(

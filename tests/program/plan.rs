@@ -62,7 +62,9 @@ fn a_belt_that_outruns_the_laser_gets_the_number_to_change() {
     let fastest = number(&found, "/fastest_belt_mm_per_s");
     // The hindmost line is the last to leave.
     assert_near(&[fastest], &[100.199 / (200.0 * 0.0205 + 199.0 * 0.005)], 0.01);
-    assert!(found["remedy"].as_str().unwrap().contains(&format!("{fastest:.2} mm/s")));
+    assert!(
+        found["remedy"].as_str().unwrap().contains(&format!("{:.2} mm/s", (fastest * 100.0).floor() / 100.0))
+    );
     assert_eq!(found["sections"].as_array().unwrap().len(), 6);
     let slower = plan(&desk, &format!("{LASER} --speed {}", fastest * 0.999));
     assert_eq!((&slower["fits"], slower["sections"].as_array().unwrap().len()), (&true.into(), 1));
@@ -70,7 +72,12 @@ fn a_belt_that_outruns_the_laser_gets_the_number_to_change() {
     let close = plan(&desk, &format!("{LASER} --speed 10 --pitch 40"));
     assert_eq!(close["fits"], false);
     let least = number(&close, "/smallest_pitch_mm");
-    assert!(close["remedy"].as_str().unwrap().contains(&format!("{least:.2} mm apart")));
+    assert!(
+        close["remedy"]
+            .as_str()
+            .unwrap()
+            .contains(&format!("{:.2} mm apart", (least * 100.0 - 1e-6).ceil() / 100.0))
+    );
 }
 
 /// At 2000 mm/s, a line is in the field of 100 mm for 50 ms; at 200 mm/s, it takes 100.5 ms.
@@ -133,4 +140,50 @@ fn a_drawing_in_tiles_is_not_planned_as_one_pass() {
     let line = format!("plan drawing.dxf {LASER} --speed 10");
     desk.isomark(&line.split_whitespace().collect::<Vec<_>>())
         .refused(1, &["R+045.000 MARK", "--tiles-as files"]);
+}
+
+/// With products one after the other, the time for each is its pitch divided by the speed of the belt; and every remedy works as it
+/// is printed.
+#[test]
+fn a_remedy_for_products_at_a_pitch_works_as_it_is_printed() {
+    let desk = Desk::new();
+    // 200 lines of 20 mm on 20 mm along the belt take 200 · 20.5 ms and 199 jumps of about 20 mm and 1 ms each, 5.095 s.
+    let positions: Vec<f64> = (0..200).map(|index| f64::from(index) * 20.0 / 199.0).collect();
+    desk.write("drawing.dxf", drawing(&positions));
+    let numbers_of = |remedy: &str| -> Vec<String> {
+        let number = |word: &str| word.trim_end_matches(',').parse::<f64>().is_ok();
+        remedy
+            .split(' ')
+            .filter(|word| number(word))
+            .map(|word| word.trim_end_matches(',').to_owned())
+            .collect()
+    };
+    let at = |speed: &str, pitch: &str| plan(&desk, &format!("{LASER} --speed {speed} --pitch {pitch}"));
+    let found = at("200", "45");
+    assert_eq!(found["fits"], false, "{found:#}");
+    let remedy = found["remedy"].as_str().unwrap();
+    let fastest = number(&found, "/fastest_belt_mm_per_s");
+    // A belt that moves by the pitch while the product is marked.
+    assert!((fastest * number(&found, "/total_s") / 45.0 - 1.0).abs() < 1e-3, "{found:#}");
+    assert!(remedy.starts_with("Slow the belt to at most 8.8"), "{remedy}");
+    assert_eq!(at(&numbers_of(remedy)[0], "45")["fits"], true, "{remedy}");
+    // On a belt that passes the laser in time, but brings the next product too early.
+    let found = at("15", "45");
+    let remedy = found["remedy"].as_str().unwrap();
+    let [speed, pitch, ..] = &numbers_of(remedy)[..] else { panic!("{remedy}") };
+    assert_eq!(
+        (&at(speed, "45")["fits"], &at("15", pitch)["fits"]),
+        (&true.into(), &true.into()),
+        "{remedy}"
+    );
+    // Products of 20 mm cannot be 10 mm apart, on any belt.
+    for speed in ["5", "200"] {
+        let found = at(speed, "10");
+        assert!(found.get("fastest_belt_mm_per_s").is_none(), "{found:#}");
+        let remedy = found["remedy"].as_str().unwrap();
+        assert!(remedy.contains("each is 20.00 mm long"), "{remedy}");
+        let numbers = numbers_of(remedy);
+        let slower = if remedy.contains("slow the belt") { &numbers[1] } else { speed };
+        assert_eq!(at(slower, &numbers[0])["fits"], true, "{remedy}");
+    }
 }

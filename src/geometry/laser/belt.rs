@@ -111,6 +111,33 @@ impl Belt {
         })
     }
 
+    /// The fastest belt at which one laser can mark all before the next product, mm/s, if products are `pitch` mm apart. `None` if a
+    /// line is longer than the field, or products overlap.
+    pub fn fastest_at(&self, drawing: &Pattern, pitch: f64) -> Option<f64> {
+        let lines: Vec<Line> = drawing.paths.iter().map(|path| self.line(&path.shape)).collect();
+        let mut order: Vec<usize> = (0..lines.len()).collect();
+        order.sort_by(|a, b| lines[*b].along[1].total_cmp(&lines[*a].along[1]).then(a.cmp(b)));
+        let front = lines[*order.first()?].along[1];
+        let back = lines.iter().map(|line| line.along[0]).fold(f64::INFINITY, f64::min);
+        let longest = lines.iter().map(|line| line.along[1] - line.along[0]).fold(0.0, f64::max);
+        if longest >= self.field || pitch < front - back {
+            return None;
+        }
+        let can = |speed: f64| {
+            let done = Self { speed, ..*self }.done(&lines, &order, front);
+            done.is_some_and(|span| span * speed <= pitch)
+        };
+        let (mut slow, mut fast) = (0.0, self.fastest(&lines, &order, front));
+        if can(fast) {
+            return Some(fast);
+        }
+        for _ in 0..60 {
+            let middle = f64::midpoint(slow, fast);
+            if can(middle) { slow = middle } else { fast = middle }
+        }
+        (slow > 0.0).then_some(slow)
+    }
+
     /// The distance by which a scanner is before the laser, mm, if a corrected drawing is ready `time` s after the scan.
     pub fn lead(&self, time: f64) -> f64 {
         self.speed * time
@@ -280,6 +307,19 @@ mod tests {
         assert!(plan.sections.iter().all(|section| section.too_short.is_none()));
         let slower = Belt { speed: plan.fastest.unwrap() * 0.999, ..belt() };
         assert_eq!(slower.plan(&drawing).unwrap().sections.len(), 1);
+    }
+
+    #[test]
+    fn the_fastest_belt_leaves_the_time_for_a_product_before_the_next() {
+        // Three lines at one place take 61.5 ms and two jumps of 20 mm and 1 ms each, 10 ms: 71.5 ms, while the belt moves by 50 mm.
+        let drawing = across([0.0, 0.0, 0.0]);
+        let fastest = belt().fastest_at(&drawing, 50.0).unwrap();
+        assert!((fastest - 50.0 / 0.0715).abs() < 1e-6, "{fastest}");
+        // Farther apart, only the field limits it.
+        let far = belt().fastest_at(&drawing, 500.0);
+        assert_eq!(far, belt().plan(&drawing).unwrap().fastest);
+        // Products of 20 mm cannot be 10 mm apart.
+        assert_eq!(belt().fastest_at(&across([0.0, 20.0]), 10.0), None);
     }
 
     /// At 10000 mm/s, a line is in a field of 100 mm for 10 ms; it takes 20.5 ms.
