@@ -153,6 +153,7 @@ pub(super) fn run(arguments: &CorrectArguments) -> Outcome {
     check_extension("--out", out_of_other_kind, &["dxf"], "a DXF drawing")?;
     check_extension("--xyz", arguments.xyz.as_ref(), &["csv", "dxf"], "a list of points or a DXF")?;
     let previous = replaced(out)?;
+    arguments.rotary.refuse_blank(&arguments.job.files())?;
     let job = arguments.job.prepare(arguments.overrides()?, useless_to_a_job)?;
     let Job { sku, settings, pipeline, learned, pattern, drawing, beside_part, verify, progress: _ } = &job;
     if arguments.step_files {

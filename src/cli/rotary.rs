@@ -38,6 +38,22 @@ pub(super) struct RotaryArguments {
 }
 
 impl RotaryArguments {
+    /// Refuses a number of tiles behind a blank, which is read as the name of a file.
+    pub(super) fn refuse_blank(&self, files: &[&Path]) -> Outcome {
+        let is_tiles = |name: &str| ["auto", "off"].contains(&name) || name.parse::<u16>().is_ok();
+        let name = files
+            .iter()
+            .filter(|file| !file.exists())
+            .find_map(|file| file.to_str().filter(|name| is_tiles(name)));
+        match (self.rotary.as_deref(), name) {
+            (Some("auto"), Some(name)) => Err(Failure::usage(
+                format!("Behind `--rotary`, {name} is the name of a file, and there is no such file."),
+                format!("Write an equals sign before the number of tiles: `--rotary={name}`."),
+            )),
+            _ => Ok(()),
+        }
+    }
+
     /// Adds the settings that were typed.
     pub(super) fn add_to(&self, overrides: &mut Overrides) -> Result<(), Failure> {
         add_options(

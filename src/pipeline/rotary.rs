@@ -101,9 +101,58 @@ impl Pipeline {
             return Ok(Rolled { pattern, map, settings: settings.clone(), tiles: None });
         }
         let facts = pattern.facts.clone();
-        tiled(pattern, part, learned, settings)
-            .map_err(|reason| checks::doubting_unit(reason, &facts).in_file(name).into())
+        let is_beside = !part.surface.field.is_surface(pattern.placing.place.coords().into());
+        let beside = is_beside.then(|| pattern.clone());
+        tiled(pattern, part, learned, settings).map_err(|reason| {
+            let reason = match beside {
+                Some(pattern) => turning(reason, &pattern, part, learned, settings),
+                None => reason,
+            };
+            checks::doubting_unit(reason, &facts).in_file(name).into()
+        })
     }
+}
+
+/// The reason for a drawing whose anchor is beside the side that faces the laser, with the place on that side where it can be
+/// marked: the part turns, so that the place round the axis is a matter of its first angle.
+fn turning(
+    reason: Reason,
+    pattern: &PlacedPattern,
+    part: &CachedSurface,
+    learned: &LearnedPart,
+    settings: &JobSettings,
+) -> Reason {
+    if reason.code != "off-surface" || settings.part.view_source.frame().is_some() {
+        return reason;
+    }
+    let field = &part.surface.field;
+    let (place, middle) = (pattern.placing.place.coords(), field.extents().center().map(f64::round));
+    // Beside the crest, at the same position along the axis; else in the middle of the part.
+    let candidates = [
+        Vector2::new(0.0, place.y),
+        Vector2::new(place.x, 0.0),
+        Vector2::new(middle.x, place.y),
+        Vector2::new(place.x, middle.y),
+        Vector2::zeros(),
+        middle,
+    ];
+    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+    let works = |place: &Vector2<f64>| {
+        let mut moved = pattern.clone();
+        let shift = Affine::rigid(pattern.placing.place, 0.0, FlatPoint::from(*place));
+        moved.placing.place = FlatPoint::from(*place);
+        moved.placed = pattern.placed.transformed(&shift);
+        moved.ink = quality::sample(&moved.placed, is_ink);
+        tiled(moved, part, learned, settings).is_ok()
+    };
+    let found = candidates.into_iter().filter(|place| field.is_surface((*place).into())).find(works);
+    let Some(found) = found else { return reason };
+    let [x, y] = [found.x + 0.0, found.y + 0.0];
+    let remedy = format!(
+        "Put the drawing on the side that faces the laser, `--place {x},{y}` (`place_mm = [{x}, {y}]` under [placement]): it fits round \
+         the part there. The part turns, so that where it is round the axis depends only on the angle at which the rotary axis starts."
+    );
+    Reason { remedy, ..reason }
 }
 
 /// Finds the cylinder or cone, aligns the drawing to its axis, and divides it.

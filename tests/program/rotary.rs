@@ -820,3 +820,25 @@ fn pictures_show_every_tile() {
     }
     assert!(svg.len() < 1_000_000 && !svg.contains("NaN"));
 }
+
+/// A drawing with its zero at the corner of its page is on the part when it turns.
+#[test]
+fn a_drawing_beside_the_facing_side_is_put_on_the_part_by_the_remedy() {
+    let desk = Desk::new();
+    let mut text =
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n".to_owned();
+    for x in (2..=195).step_by(8) {
+        text += &format!("0\nLINE\n8\n0\n10\n{x}\n20\n2\n11\n{x}\n21\n18\n");
+    }
+    desk.write("corner.dxf", text.clone() + "0\nENDSEC\n0\nEOF\n");
+    let correct = |options: &str| {
+        let line = format!("correct --cylinder 66,120 corner.dxf --out out.dxf {options}");
+        desk.isomark(&line.split(' ').collect::<Vec<_>>())
+    };
+    let refused = correct("--rotary");
+    refused.refused(1, &["off-surface", "--place 0,10`", "The part turns"]);
+    assert_eq!(correct("--rotary --place 0,10").code, 0);
+    // A blank before the number of tiles.
+    correct("--rotary 6").refused(2, &["--rotary=6"]);
+    assert_eq!(correct("--place 0,10 --rotary=6").code, 0);
+}
