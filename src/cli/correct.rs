@@ -98,7 +98,7 @@ pub(super) struct CorrectArguments {
     #[arg(long, value_name = "FILE.csv|FILE.dxf")]
     xyz: Option<PathBuf>,
     /// With steps of focus (`--set focus.steps=layers`), writes each step into a file of its own beside OUT as well, named after its
-    /// height, such as OUT.z+1.500.dxf.
+    /// height, such as OUT.z+001.500.dxf.
     #[arg(long)]
     step_files: bool,
     /// Prints the report, or the reason for a rejection, as JSON on standard output.

@@ -23,7 +23,7 @@ pub struct StepDrawing {
 }
 
 impl StepDrawing {
-    /// The height as a part of a name, such as `z+1.500`.
+    /// The height as a part of a name, such as `z+001.500`.
     #[must_use]
     pub fn name(&self) -> String {
         height_name(self.focus)
@@ -125,7 +125,20 @@ fn on_layers(drawing: &mut MarkingDrawing, steps: &[FocusStep]) -> Vec<Vec<FlatP
     drawn
 }
 
-/// A height as a part of a name: `z` and the height in mm with its sign.
+/// A height as a part of a name: `z` and the height in mm with its sign, in digits that sort by it.
 fn height_name(height: f64) -> String {
-    format!("z{:+.3}", (height * 1000.0).round() / 1000.0 + 0.0)
+    format!("z{:+08.3}", (height * 1000.0).round() / 1000.0 + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::height_name;
+
+    #[test]
+    fn the_names_of_heights_sort_by_height() {
+        let names = [0.0, 0.5, 9.857, 14.021, 120.0].map(height_name);
+        assert!(names.is_sorted(), "{names:?}");
+        assert_eq!(height_name(9.8566), "z+009.857");
+        assert_eq!(height_name(-0.0001), "z+000.000");
+    }
 }

@@ -308,7 +308,7 @@ fn steps_of_focus_are_layers_of_a_delivered_drawing_and_files_of_a_command() {
     // Every point is within the heights of its layer: on the can, the height follows from the place.
     let radius = 33.0;
     for (step, focus) in steps.iter().map(|step| (step, step["focus_mm"].as_f64().unwrap())) {
-        let name = format!("-z{focus:+.3}");
+        let name = format!("-z{focus:+08.3}");
         let range = numbers(step, "/height_mm");
         let mut count = 0;
         for (_, line) in found.iter().filter(|(layer, _)| layer.ends_with(&name)) {
@@ -319,7 +319,7 @@ fn steps_of_focus_are_layers_of_a_delivered_drawing_and_files_of_a_command() {
             }
         }
         assert!(count > 0 && count == step["paths"].as_u64().unwrap() as usize);
-        let file = desk.read(&format!("cut.z{focus:+.3}.dxf"));
+        let file = desk.read(&format!("cut.z{focus:+08.3}.dxf"));
         assert_eq!(lines(&file).len(), count);
         assert!(lines(&file).iter().all(|(layer, _)| !layer.contains("-z")));
         if let Some(found) = judged(&file) {
@@ -328,8 +328,8 @@ fn steps_of_focus_are_layers_of_a_delivered_drawing_and_files_of_a_command() {
     }
     // The files of an earlier run with other steps are named; other files are not.
     let earlier: Vec<String> =
-        steps.iter().map(|step| format!("cut.z{:+.3}.dxf", step["focus_mm"].as_f64().unwrap())).collect();
-    for other in ["cut.zebra.dxf", "cut.z+1.000.svg", "other.z+1.000.dxf"] {
+        steps.iter().map(|step| format!("cut.z{:+08.3}.dxf", step["focus_mm"].as_f64().unwrap())).collect();
+    for other in ["cut.zebra.dxf", "cut.z+001.000.svg", "other.z+001.000.dxf"] {
         desk.write(other, "");
     }
     let one =
