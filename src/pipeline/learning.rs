@@ -511,7 +511,12 @@ fn primitive_facts(primitive: &Primitive) -> PartFacts {
 /// The reason for a part in a format that is not supported.
 pub(crate) fn unknown_part_format(name: &str) -> Reason {
     let export = format!("Export the part or scan as {}", MeshFormat::ENDINGS);
-    let (what, remedy) = if mesh::is_unread_part(name) {
+    let (what, remedy) = if let Some(format) = mesh::unread_scan(name) {
+        (
+            format!("\"{name}\" cannot be read as a scan: isomark does not read this format ({format})."),
+            "Export the points as .ply, .xyz, .csv, .txt, .asc or .pts in the scanner's program, or in CloudCompare.".to_owned(),
+        )
+    } else if mesh::is_unread_part(name) {
         (
             format!("\"{name}\" cannot be read as a part: isomark does not read this format."),
             format!(

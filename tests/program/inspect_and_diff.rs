@@ -34,6 +34,31 @@ fn a_part_in_an_unsupported_format_is_refused_as_a_part() {
 }
 
 #[test]
+fn a_scan_in_an_unsupported_format_is_refused_with_formats_of_points() {
+    let desk = Desk::new();
+    for (name, format, bytes) in [
+        ("can.pcd", "Point Cloud Library", &b"# .PCD v0.7\nVERSION 0.7\n"[..]),
+        ("can.E57", "ASTM E57", b"ASTM-E57\0"),
+        ("can.laz", "LAS", b"LASF"),
+    ] {
+        desk.write(name, bytes);
+        let words = ["cannot be read as a scan: isomark does not read this format", format, ".ply, .xyz"];
+        desk.isomark(&["inspect", name]).refused(1, &words);
+        desk.isomark(&["correct", name, &drawing("abc"), "--out", "out.dxf"]).refused(1, &words);
+    }
+}
+
+/// A plate in the coordinates of a map.
+#[test]
+fn a_scan_far_from_the_origin_is_refused_because_of_its_offset() {
+    let desk = Desk::new();
+    let places = (0..900).map(|at| (500_000 + at % 30, 4_000_000 + at / 30));
+    desk.write("map.xyz", places.map(|(x, y)| format!("{x}.25 {y}.5 200.0\n")).collect::<String>());
+    let words = ["all 900 points", "too far from the origin", "4000000", "subtract the offset"];
+    desk.isomark(&["inspect", "map.xyz", "--part-unit", "mm"]).refused(1, &words);
+}
+
+#[test]
 fn the_fitted_surface_is_written_for_cad() {
     let desk = Desk::new();
     let can = part("can/fc020-gui.glb");

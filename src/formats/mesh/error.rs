@@ -279,6 +279,17 @@ pub enum MeshReadError {
         /// Number of points that are marked as missing, at infinity or too far away.
         missing: usize,
     },
+    /// All points of a scan are beyond [`TriMesh::LARGEST_COORDINATE`], as in the coordinates of a map.
+    #[error(
+        "all {points} points of the scan are too far from the origin, the first at ({:.0}, {:.0}, {:.0}) mm",
+        coordinate[0], coordinate[1], coordinate[2]
+    )]
+    ScanTooFar {
+        /// Number of points.
+        points: usize,
+        /// The coordinates of the first, mm.
+        coordinate: [f64; 3],
+    },
     /// The file exceeds a size limit.
     #[error("the file has {count} {what}; the limit is {limit}")]
     TooLarge {
@@ -378,7 +389,7 @@ impl MeshReadError {
             Self::BrokenReference { index, count, .. } => {
                 reason.with_number("index", *index as f64, "", Some(*count as f64))
             }
-            Self::TooFar { coordinate } => {
+            Self::TooFar { coordinate } | Self::ScanTooFar { coordinate, .. } => {
                 let farthest = coordinate.iter().fold(0.0f64, |farthest, value| farthest.max(value.abs()));
                 reason.with_number("coordinate", farthest, "mm", Some(TriMesh::LARGEST_COORDINATE))
             }
@@ -419,7 +430,7 @@ impl MeshReadError {
             Self::FrameMirrored => "frame-mirrored",
             Self::NodeTwice { .. } => "mesh-node-cycle",
             Self::NotFinite { .. } => "mesh-coordinate-not-finite",
-            Self::TooFar { .. } => "mesh-coordinate-too-far",
+            Self::TooFar { .. } | Self::ScanTooFar { .. } => "mesh-coordinate-too-far",
             Self::IndexOutOfRange { .. } => "mesh-index-out-of-range",
             Self::BadLine { .. } | Self::DecimalCommas { .. } => "mesh-line-invalid",
             Self::Refused { .. } => "mesh-refused",
@@ -463,7 +474,7 @@ impl MeshReadError {
             | Self::IndexOutOfRange { face: VertexPlace::Obj { line: at }, .. } => line(*at),
             Self::NotFinite { vertex, .. } => item(&vertex.to_string()),
             Self::IndexOutOfRange { face, .. } => item(&face.to_string()),
-            Self::TooFar { coordinate } => {
+            Self::TooFar { coordinate } | Self::ScanTooFar { coordinate, .. } => {
                 Place { coordinate: Some(coordinate.to_vec()), ..Place::default() }
             }
             Self::Package { item: at, byte, .. } => Place { byte: *byte, ..item(at) },
@@ -476,6 +487,7 @@ impl MeshReadError {
             | Self::Refused { .. }
             | Self::NoTriangles { .. }
             | Self::NoPoints { .. }
+            | Self::ScanTooFar { .. }
             | Self::CutShort { .. }
             | Self::TooLarge { .. }
             | Self::TakesLong => Place::default(),
@@ -548,6 +560,10 @@ impl MeshReadError {
             Self::BadHeader { .. } => {
                 "write the points as lines of x, y and z, or export a PLY file whose vertices have the properties x, y \
                  and z"
+            }
+            Self::ScanTooFar { .. } => {
+                "subtract the offset of the coordinate system from all points in the scanner's program, so that the part is near the \
+                 origin; if the numbers are not millimetres, set `unit` under [part] (`--part-unit`)"
             }
             Self::NoPoints { .. } => "check that the scanner captured the part, and export the scan again",
             Self::BadLine { .. } => "correct this line, or export the part again",

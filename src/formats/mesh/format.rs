@@ -36,6 +36,19 @@ const UNREAD: [&str; 27] = [
     "off",
 ];
 
+/// The same of scans, with the names of their formats.
+const UNREAD_SCANS: [(&str, &str); 9] = [
+    ("e57", "ASTM E57"),
+    ("fls", "FARO scan"),
+    ("las", "LAS"),
+    ("laz", "LAS (compressed)"),
+    ("pcd", "Point Cloud Library"),
+    ("ptx", "Leica PTX"),
+    ("rcp", "Autodesk ReCap"),
+    ("rcs", "Autodesk ReCap"),
+    ("zfs", "Zoller + Fröhlich"),
+];
+
 /// Whether the file name's ending, in upper or lower case, is that of a part format that isomark does not read.
 ///
 /// ```
@@ -44,7 +57,20 @@ const UNREAD: [&str; 27] = [
 /// ```
 #[must_use]
 pub fn is_unread_part(file_name: &str) -> bool {
-    file_name.rsplit_once('.').is_some_and(|(_, ending)| UNREAD.contains(&&*ending.to_ascii_lowercase()))
+    let is_unread = |(_, ending): (&str, &str)| UNREAD.contains(&&*ending.to_ascii_lowercase());
+    file_name.rsplit_once('.').is_some_and(is_unread) || unread_scan(file_name).is_some()
+}
+
+/// The format of scans that isomark does not read, if the file name's ending, in upper or lower case, is that of one.
+///
+/// ```
+/// use isomark::formats::mesh::unread_scan;
+/// assert_eq!((unread_scan("can.E57"), unread_scan("can.xyz")), (Some("ASTM E57"), None));
+/// ```
+#[must_use]
+pub fn unread_scan(file_name: &str) -> Option<&'static str> {
+    let ending = file_name.rsplit_once('.')?.1.to_ascii_lowercase();
+    UNREAD_SCANS.iter().find(|(known, _)| *known == ending).map(|(_, format)| *format)
 }
 
 impl MeshFormat {

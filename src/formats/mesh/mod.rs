@@ -40,7 +40,7 @@ pub use facts::{
     Buffer, FaceKind, FrameFacts, MeshNoise, NamedFiles, NormalsFound, NormalsUsed, PartFacts, PartReading,
     RoundFacts, Shape, SideFacts, SolidPart,
 };
-pub use format::{MeshFormat, is_unread_part};
+pub use format::{MeshFormat, is_unread_part, unread_scan};
 pub use options::{MeshOptions, NormalsChoice};
 pub use scan_facts::{ScanFacts, ScanSurface};
 pub use step::{StepError, StepProblem};

@@ -120,8 +120,12 @@ impl RawPart {
         let shape = match self.is_scan {
             true => {
                 let all = self.positions.len();
+                let first = self.positions.first().copied();
                 let cloud = PointCloud::new(self.positions, self.normals);
                 let far = all - cloud.points().len();
+                if let Some(first) = first.filter(|_| far == all) {
+                    return Err(MeshReadError::ScanTooFar { points: all, coordinate: first.coords.into() });
+                }
                 self.notices.extend(absent_notices(self.missing, self.infinite.as_ref(), far));
                 self.missing += far + self.infinite.map_or(0, |(count, _)| count);
                 Shape::Scan(cloud)

@@ -18,7 +18,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use crate::config::{Sku, misnamed_settings, without_ending};
-use crate::formats::mesh::{MeshFormat, is_unread_part};
+use crate::formats::mesh::{MeshFormat, is_unread_part, unread_scan};
 use crate::formats::pattern::is_drawing;
 use crate::reason::Reason;
 
@@ -253,7 +253,12 @@ fn names_sku(stem: &str, sku: &Sku) -> bool {
 
 fn unknown_kind(name: &str, extension: &str) -> Reason {
     let export = format!("Export the part as {}", MeshFormat::ENDINGS);
-    let (what, remedy) = if is_unread_part(name) {
+    let (what, remedy) = if let Some(format) = unread_scan(name) {
+        (
+            format!("A .{extension} file is a scan in a format that isomark does not read ({format})."),
+            "Export the points as .ply, .xyz, .csv, .txt, .asc or .pts in the scanner's program, or in CloudCompare.".to_owned(),
+        )
+    } else if is_unread_part(name) {
         (
             format!("A .{extension} file is in a format that isomark does not read."),
             format!("{export}, in a program that opens the file, such as FreeCAD."),
