@@ -15,13 +15,18 @@ pub(super) use rotary::{
 
 use nalgebra::Vector2;
 
-use super::{CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Pattern, PatternFacts, Sku};
-use crate::config::{Align, Anchor, Losses, OutsideMark, ViewSource, parse_facing};
+use super::mapped_ink::MappedInk;
+use super::{
+    CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Pattern, PatternFacts, Sku, fill, method,
+};
+use crate::config::{Align, Anchor, Losses, OutsideMark, Tiles, ViewSource, parse_facing};
+use crate::cores::Cores;
 use crate::formats::mesh::{PartFacts, SideFacts};
+use crate::geometry::mapping::quality;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::normal_equations::SolveError;
 use crate::geometry::optics::Lens;
-use crate::geometry::pattern::Shape;
+use crate::geometry::pattern::{Affine, Shape};
 use crate::geometry::primitive::Primitive;
 use crate::geometry::sides::thickness_behind;
 use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, ViewPoint};
@@ -377,6 +382,8 @@ pub(super) fn beside_part(
 
 /// Number of steps across a drawing at which its place on the part is tested.
 const PLACE_SAMPLES: u32 = 8;
+/// A drawing within this of a place is there already, mm.
+const SAME_PLACE: f64 = 1e-3;
 /// How far from zero the corner of a page may be, mm.
 const PAGE_CORNER: f64 = 1e-6;
 
@@ -544,6 +551,8 @@ pub(super) fn suggesting_place(
 ) -> Reason {
     let is_as_drawn = settings.placement.place.is_none()
         && settings.placement.anchor == Anchor::Center
+        && settings.placement.align != Align::Axis
+        && settings.rotary.tiles == Tiles::Off
         && settings.part.view_source.frame().is_none();
     if reason.code != "off-surface" || !is_as_drawn {
         return reason;
@@ -560,7 +569,12 @@ pub(super) fn suggesting_place(
     };
     // The middle of the part is rounded to whole numbers that people type.
     let middle = field.extents().center().map(f64::round);
-    let Some(place) = [Vector2::zeros(), middle].into_iter().find(is_on_part) else { return reason };
+    let is_elsewhere = |place: &Vector2<f64>| (place - drawn.center()).norm() > SAME_PLACE;
+    // A few samples may all be beside a hole.
+    let place = [Vector2::zeros(), middle]
+        .into_iter()
+        .find(|place| is_elsewhere(place) && is_on_part(place) && fits_at(*place, placed, part, settings));
+    let Some(place) = place else { return reason };
     let starts_at_corner =
         drawn.min.x >= -PAGE_CORNER && (drawn.min.y >= -PAGE_CORNER || drawn.max.y <= PAGE_CORNER);
     let why = match starts_at_corner {
@@ -573,6 +587,19 @@ pub(super) fn suggesting_place(
          belongs elsewhere, move it or check `facing`."
     );
     Reason { remedy, ..reason }
+}
+
+/// Whether all ink of a placed drawing is on the part with its middle at a place of the view: what is refused otherwise.
+fn fits_at(place: Vector2<f64>, placed: &Pattern, part: &CachedSurface, settings: &JobSettings) -> bool {
+    let (from, to) = (FlatPoint::from(placed.extents().center()), FlatPoint::from(place));
+    let moved = placed.transformed(&Affine::rigid(from, 0.0, to));
+    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
+    let (marked, method) = (fill::for_map(&moved, settings), method(settings));
+    let map = LengthTrueMap::find_with_fork(&part.surface, &marked, is_ink, to, &method, &Cores);
+    map.is_ok_and(|map| {
+        let mapped = MappedInk::new(quality::sample(&moved, is_ink), map, settings);
+        mapped.exposure(&part.surface).off_surface == 0
+    })
 }
 
 fn span(extents: &Extents, axis: usize) -> String {
@@ -601,7 +628,6 @@ pub(super) fn doubting_unit(reason: Reason, facts: &PatternFacts) -> Reason {
 mod tests {
     use super::*;
     use crate::formats::mesh::{self, MeshFormat, MeshOptions};
-    use crate::geometry::mapping::quality;
 
     /// STEP files have no facets, and no deviation to export them with.
     #[test]

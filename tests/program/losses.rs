@@ -54,6 +54,41 @@ fn a_drawing_from_the_corner_of_a_page_names_the_place_where_it_fits() {
     assert!(large.code == 1 && !large.err.contains("--place 0,0"), "{}", large.err);
 }
 
+/// A place is only named if all lines of the drawing can be marked there, and if it is another one. The hole is between the points
+/// of a coarse grid over the drawing.
+#[test]
+fn no_place_is_named_at_which_the_drawing_crosses_a_hole() {
+    let desk = Desk::new();
+    let places = (0..10_000).map(|at| (0.6 * f64::from(at % 100) - 29.7, 0.6 * f64::from(at / 100) - 29.7));
+    let plate = places.filter(|(x, y)| (x - 2.5).hypot(y - 2.5) > 2.9);
+    desk.write("plate.xyz", plate.map(|(x, y)| format!("{x:.2} {y:.2} 0.00\n")).collect::<String>());
+    let line = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
+        format!("0\nLINE\n8\n0\n10\n{a}\n20\n{b}\n30\n0\n11\n{c}\n21\n{d}\n31\n0\n")
+    };
+    // A frame of 40 mm about a place on the diagonal, and a line across it.
+    let correct = |middle: f64, across: f64| {
+        let [low, high, across] = [-20.0, 20.0, across].map(|at| at + middle);
+        let lines = [
+            line([low, low], [low, high]),
+            line([low, high], [high, high]),
+            line([high, high], [high, low]),
+            line([high, low], [low, low]),
+            line([low, across], [high, across]),
+        ];
+        let lines = lines.concat();
+        desk.write("logo.dxf", format!("0\nSECTION\n2\nENTITIES\n{lines}0\nENDSEC\n0\nEOF\n"));
+        let words = "correct plate.xyz logo.dxf --out out.dxf --part-unit mm --part-up z --pattern-unit mm";
+        desk.isomark(&words.split(' ').collect::<Vec<_>>())
+    };
+    for middle in [0.0, 100.0] {
+        let refused = correct(middle, 2.5);
+        refused.refused(1, &["off-surface"]);
+        assert!(!refused.err.contains("--place 0,0"), "{}", refused.err);
+    }
+    correct(100.0, 7.5).refused(1, &["off-surface", "--place 0,0", "fits there"]);
+    assert_eq!(correct(0.0, 7.5).code, 0);
+}
+
 fn desk(entities: &str) -> Desk {
     let desk = Desk::new();
     desk.write("plate.obj", PLATE);
