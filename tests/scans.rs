@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may panic")]
 
 use isomark::formats::pattern::{PatternOptions, read};
+use isomark::geometry::height_field::Node;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};
@@ -161,6 +162,68 @@ fn what_sparse_points_leave_open_is_reported() {
             assert!(unknown > 0.5 * error, "{name}, {count} points: {error}, reported {unknown}");
             assert!(unknown < 4.0 * error + 0.1, "{name}, {count} points: {error}, reported {unknown}");
         }
+    }
+}
+
+/// The largest error of the height, mm, where the surface with the formula is tilted by less than about 55°, and how many of its nodes
+/// there have no surface.
+fn worst_height(scan: &SmoothedScan, height: impl Fn(f64, f64) -> Option<f64>) -> (f64, usize, usize) {
+    let (columns, rows) = scan.field.size();
+    let (mut worst, mut open, mut all) = (0.0f64, 0, 0);
+    for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
+        let at = scan.field.position(column, row);
+        let Some(height) = height(at.x, at.y) else { continue };
+        all += 1;
+        match scan.field.nodes()[row * columns + column] {
+            Node::Surface(found) => worst = worst.max((found - height).abs()),
+            _ => open += 1,
+        }
+    }
+    (worst, open, all)
+}
+
+/// Random points, as many on every area, of a whole ball with a radius of 30 mm, and of a whole tube, 80 mm long, with a hole in
+/// its upper side through which its lower side is seen.
+#[test]
+fn random_points_all_round_a_part_are_not_seen_through() {
+    let (radius, half) = (30.0f64, 40.0);
+    for seed in 0..3 {
+        for (count, noise) in [(3_000, 0.0), (20_000, 0.03), (40_000, 0.0)] {
+            let random = &mut Random(seed);
+            let ball = (0..count).map(|_| {
+                let along = Vector3::from_fn(|_, _| random.normal()).normalize();
+                Point3::from(along * (radius + noise * random.normal()))
+            });
+            let cloud = PointCloud::new(ball.collect(), Vec::new());
+            let scan = SmoothedScan::new(&cloud, &View::top(), Smoothing::Auto).unwrap();
+            let height = |x: f64, y: f64| {
+                let from_axis = x.hypot(y);
+                (from_axis < 0.8 * radius).then(|| (radius * radius - from_axis * from_axis).sqrt())
+            };
+            let (worst, open, all) = worst_height(&scan, height);
+            let within = 3.0 * noise + if count < 10_000 { 0.3 } else { 0.05 };
+            assert!(worst < within && open * 100 < all, "seed {seed}, {count}: {worst} mm, {open} of {all}");
+            let hidden = scan.quality.hidden as f64 / f64::from(count);
+            assert!((hidden - 0.5).abs() < 0.06, "{:?}", scan.quality);
+        }
+        let random = &mut Random(seed);
+        let tube = (0..40_000).map(|_| {
+            let (angle, along) =
+                (std::f64::consts::TAU * random.uniform(), half * (2.0 * random.uniform() - 1.0));
+            Point3::new(radius * angle.sin(), along, radius * angle.cos())
+        });
+        let in_hole = |x: f64, y: f64| (x - 6.0).hypot(y - 3.0);
+        let tube = tube.filter(|point| point.z < 0.0 || in_hole(point.x, point.y) > 5.0);
+        let cloud = PointCloud::new(tube.collect(), Vec::new());
+        let scan = SmoothedScan::new(&cloud, &View::top(), Smoothing::Auto).unwrap();
+        let upper = |x: f64| (radius * radius - x * x).sqrt();
+        let beside = |x: f64, y: f64| {
+            (x.abs() < 0.8 * radius && y.abs() < half - 1.0 && in_hole(x, y) > 7.0).then(|| upper(x))
+        };
+        let (worst, open, all) = worst_height(&scan, beside);
+        assert!(worst < 0.05 && open * 100 < all, "seed {seed}: {worst} mm, {open} of {all}");
+        let (worst, open, all) = worst_height(&scan, |x, y| (in_hole(x, y) < 3.5).then(|| -upper(x)));
+        assert!(worst < 0.3 && open * 3 < all, "seed {seed}, in the hole: {worst} mm, {open} of {all}");
     }
 }
 

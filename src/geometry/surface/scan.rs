@@ -25,6 +25,7 @@ use visible::{Cells, ROUGHEST, Region};
 
 mod error;
 mod smoothing;
+mod behind;
 mod visible;
 mod penalised;
 

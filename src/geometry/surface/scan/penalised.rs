@@ -367,14 +367,16 @@ impl<'a> Problem<'a> {
         residuals.iter().zip(&usual).map(weight).collect()
     }
 
-    /// For each point, the usual deviation round it.
+    /// For each point, the usual deviation round it: that of points that are certainly on the surface. Debris shares a deviation, too.
     fn usual(&self, residuals: &[f64]) -> Vec<Usual> {
         let mut medians = vec![f64::NAN; self.cells.count()];
         let mut values = Vec::new();
         let mut start = 0;
         for run in self.region.cells.chunk_by(|a, b| a == b) {
             values.clear();
-            values.extend_from_slice(&residuals[start..start + run.len()]);
+            let here = start..start + run.len();
+            let trusted = residuals[here.clone()].iter().zip(&self.region.trusted[here]);
+            values.extend(trusted.filter(|(_, trusted)| **trusted).map(|(residual, _)| residual));
             start += run.len();
             medians[run[0]] = median(&mut values).unwrap_or(f64::NAN);
         }

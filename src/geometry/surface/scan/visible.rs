@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix2, Point3, Vector2};
 
-use super::ScanError;
+use super::{ScanError, behind};
 use crate::geometry::height_field::STEEPEST_SURFACE;
 use crate::geometry::space::Extents;
 
@@ -79,7 +79,7 @@ struct Cell {
 
 impl Cells {
     /// The points that are `inside`, in cells with a side, mm.
-    fn new(points: &[Point3<f64>], inside: &[u32], side: f64) -> Self {
+    pub(super) fn new(points: &[Point3<f64>], inside: &[u32], side: f64) -> Self {
         let extents = extents_of(points, inside);
         let size = extents.size();
         let (columns, rows) = ((size.x / side) as usize + 1, (size.y / side) as usize + 1);
@@ -132,12 +132,18 @@ impl Cells {
         self.side * self.columns.max(self.rows) as f64
     }
 
+    /// Number of cells along x and y.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.columns, self.rows]
+    }
+
     /// Number of cells.
     pub(super) fn count(&self) -> usize {
         self.columns * self.rows
     }
 
-    fn points(&self, cell: usize) -> &[u32] {
+    /// The points in a cell, the uppermost first.
+    pub(super) fn points(&self, cell: usize) -> &[u32] {
         &self.order[self.starts[cell]..self.starts[cell + 1]]
     }
 
@@ -146,6 +152,14 @@ impl Cells {
         let column = (cell % self.columns).checked_add_signed(right).filter(|&at| at < self.columns)?;
         let row = (cell / self.columns).checked_add_signed(up).filter(|&at| at < self.rows)?;
         Some(row * self.columns + column)
+    }
+
+    /// The cells within so many of one, from below.
+    pub(super) fn square(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
+        let range = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
+        let columns = range(cell % self.columns, self.columns);
+        let rows = range(cell / self.columns, self.rows);
+        rows.flat_map(move |row| columns.clone().map(move |column| row * self.columns + column))
     }
 
     /// A cell and the up to eight cells round it.
@@ -164,6 +178,8 @@ pub(super) fn separate_surfaces(points: &[Point3<f64>]) -> Result<Seen, ScanErro
     let inside: Vec<u32> =
         (0..points.len() as u32).filter(|&at| extents.contains(points[at as usize].coords.xy())).collect();
     has_area(points, &inside)?;
+    let behind = behind::behind_others(points, &inside);
+    let inside: Vec<u32> = inside.into_iter().filter(|&at| !behind[at as usize]).collect();
     let (cells, Look { tops: surface_tops, known, mut hidden, noise }) = resolved(points, &inside)?;
     let surface: Vec<Cell> = (0..cells.count())
         .map(|cell| Cell {
@@ -177,7 +193,7 @@ pub(super) fn separate_surfaces(points: &[Point3<f64>]) -> Result<Seen, ScanErro
     if regions.is_empty() {
         return Err(ScanError::NoSurface { points: points.len() });
     }
-    let hidden = hidden.iter().filter(|hidden| **hidden).count();
+    let hidden = hidden.iter().zip(&behind).filter(|(hidden, behind)| **hidden || **behind).count();
     Ok(Seen { regions, cells, hidden })
 }
 
@@ -338,7 +354,8 @@ fn side_of(points: &[Point3<f64>], chosen: &[u32], inside: &[u32]) -> f64 {
     side
 }
 
-fn extents_of(points: &[Point3<f64>], inside: &[u32]) -> Extents {
+/// The extents of the points that are `inside`, in the view.
+pub(super) fn extents_of(points: &[Point3<f64>], inside: &[u32]) -> Extents {
     Extents::of(inside.iter().map(|&at| points[at as usize].coords.xy())).grown(1e-9)
 }
 

@@ -1,0 +1,173 @@
+//! Finds the points of a scan that are behind others, as the laser sees them: the underside of a part that was scanned from all
+//! sides.
+//!
+//! Points at random leave gaps. What is seen through such a gap is behind the surface all the same. So a point is behind the surface if
+//! points above it surround it, not only if one is exactly above it (compare Katz, Tal & Basri, Direct visibility of point sets,
+//! SIGGRAPH 2007). How far away these may be follows from the distance between the points there: a hole that is wider than that is a
+//! hole, through which the laser meets what is below.
+
+use nalgebra::{Matrix3, Point3, Vector2};
+
+use super::is_surrounded;
+use super::visible::{Cells, median};
+use crate::geometry::height_field::STEEPEST_SURFACE;
+
+/// Side of a cell, in units of the mean distance between the points.
+const CELL: f64 = 0.7;
+/// Points round a point among which those above it must surround it. On one surface they are at most 2.8 times as far away as the
+/// points are apart, so that a groove must be three times as wide as that to be seen. Of so many random points, no octant and both
+/// beside it are empty with a probability of 1.6e-4.
+const AMONG: usize = 24;
+/// After the points behind others are known, as many of those left, but not more than this many times as many of all.
+const OF_ALL: f64 = 2.2;
+/// Rounds, at most: each finds the points that are behind fewer others than there are sheets.
+const ROUNDS: usize = 3;
+/// Rounds end when fewer than this share of the points are found to be behind others.
+const HARDLY_ANY: f64 = 0.002;
+/// Farthest cells in which these points are searched: strays have no others round them.
+const FARTHEST: usize = 12;
+/// A point is above another if it is so by more than the steepest surface climbs, and by this many standard deviations of the noise.
+/// That is across the surface; along the line of sight, it is twice as large on a surface that is tilted by 60°.
+const BEYOND_NOISE: f64 = 12.0;
+/// The noise is the scatter of so many neighbours about their plane, …
+const NEIGHBOURS: usize = 12;
+/// … at so many of the points, …
+const PROBES: usize = 256;
+/// … and at fewer in large scans, so that no more distances than this are calculated.
+const DISTANCES: usize = 100_000_000;
+
+/// For each point of the view, whether those `inside` that are above it surround it.
+pub(super) fn behind_others(points: &[Point3<f64>], inside: &[u32]) -> Vec<bool> {
+    let mut behind = vec![false; points.len()];
+    let size = super::visible::extents_of(points, inside).size();
+    let side = CELL * (size.x * size.y / inside.len() as f64).sqrt();
+    let margin = BEYOND_NOISE * noise(points, inside);
+    let cells = Cells::new(points, inside, side);
+    let all = Counts::new(&cells, |_| true);
+    for _ in 0..ROUNDS {
+        let left = Counts::new(&cells, |at| !behind[at as usize]);
+        let mut found = Vec::new();
+        for cell in 0..cells.count() {
+            let Some(reach) = left.reach(cell, AMONG) else { continue };
+            if all.round(cell, reach - 1) as f64 > OF_ALL * AMONG as f64 {
+                continue;
+            }
+            let is_left = |at: &&u32| !behind[**at as usize];
+            for &at in cells.points(cell).iter().filter(is_left) {
+                if is_behind(&cells, points, &behind, cell, reach, at, margin) {
+                    found.push(at);
+                }
+            }
+        }
+        found.iter().for_each(|&at| behind[at as usize] = true);
+        if (found.len() as f64) < HARDLY_ANY * inside.len() as f64 {
+            break;
+        }
+    }
+    behind
+}
+
+/// Whether the points above a point surround it, of those that are left within `reach` cells.
+fn is_behind(
+    cells: &Cells,
+    points: &[Point3<f64>],
+    behind: &[bool],
+    cell: usize,
+    reach: usize,
+    at: u32,
+    margin: f64,
+) -> bool {
+    let point = points[at as usize];
+    let climb = STEEPEST_SURFACE.tan();
+    let mut octants = 0u8;
+    for near in cells.square(cell, reach) {
+        for &other in cells.points(near) {
+            let to = points[other as usize] - point;
+            if to.z <= margin {
+                break;
+            }
+            if !behind[other as usize] && to.z > margin + climb * to.xy().norm() {
+                octants |= octant(to.xy());
+            }
+        }
+        if is_surrounded(octants) {
+            return true;
+        }
+    }
+    false
+}
+
+/// The bit of the octant in which a direction is, anticlockwise.
+fn octant(to: Vector2<f64>) -> u8 {
+    let is_wide = to.x.abs() >= to.y.abs();
+    1 << match (to.x >= 0.0, to.y >= 0.0) {
+        (true, true) => usize::from(!is_wide),
+        (false, true) => 2 + usize::from(is_wide),
+        (false, false) => 4 + usize::from(!is_wide),
+        (true, false) => 6 + usize::from(is_wide),
+    }
+}
+
+/// How many points are in squares of cells, from the sums over all rectangles at a corner (Crow, Summed-area tables for texture
+/// mapping, SIGGRAPH 1984).
+struct Counts {
+    size: [usize; 2],
+    sums: Vec<u32>,
+}
+
+impl Counts {
+    fn new(cells: &Cells, is_counted: impl Fn(u32) -> bool) -> Self {
+        let [columns, rows] = cells.size();
+        let mut sums = vec![0; (columns + 1) * (rows + 1)];
+        for row in 0..rows {
+            let mut in_row = 0;
+            for column in 0..columns {
+                let inside = cells.points(row * columns + column);
+                in_row += inside.iter().filter(|at| is_counted(**at)).count() as u32;
+                sums[(row + 1) * (columns + 1) + column + 1] =
+                    sums[row * (columns + 1) + column + 1] + in_row;
+            }
+        }
+        Self { size: [columns, rows], sums }
+    }
+
+    /// The number of points within so many cells of one.
+    fn round(&self, cell: usize, reach: usize) -> usize {
+        let [columns, rows] = self.size;
+        let range = |at: usize, count: usize| [at.saturating_sub(reach), (at + reach + 1).min(count)];
+        let ([left, right], [low, high]) = (range(cell % columns, columns), range(cell / columns, rows));
+        let at = |column: usize, row: usize| self.sums[row * (columns + 1) + column];
+        (at(right, high) + at(left, low) - at(right, low) - at(left, high)) as usize
+    }
+
+    /// Within how many cells there are so many points.
+    fn reach(&self, cell: usize, among: usize) -> Option<usize> {
+        (1..=FARTHEST).find(|&reach| self.round(cell, reach) >= among)
+    }
+}
+
+/// The standard deviation of the points across the surface on which they are, mm, from planes through a few of them and those next to
+/// each in space: whatever is above or below that surface.
+fn noise(points: &[Point3<f64>], inside: &[u32]) -> f64 {
+    let probes = (DISTANCES / inside.len()).clamp(1, PROBES).min(inside.len());
+    let scatter = |probe: usize| {
+        let of = points[inside[probe * (inside.len() / probes)] as usize];
+        let mut near: Vec<(f64, u32)> =
+            inside.iter().map(|&at| ((points[at as usize] - of).norm_squared(), at)).collect();
+        let nearest = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        let last = NEIGHBOURS.min(near.len() - 1);
+        near.select_nth_unstable_by(last, nearest);
+        near.truncate(last + 1);
+        // Sums depend on the order.
+        near.sort_by(nearest);
+        let count = near.len() as f64;
+        let mean =
+            near.iter().map(|(_, at)| points[*at as usize].coords).sum::<nalgebra::Vector3<f64>>() / count;
+        let off = near.iter().map(|(_, at)| points[*at as usize].coords - mean);
+        let spread: Matrix3<f64> = off.map(|off| off * off.transpose()).sum();
+        // The plane takes three of the values.
+        (spread.symmetric_eigenvalues().min().max(0.0) / (count - 3.0).max(1.0)).sqrt()
+    };
+    let mut scatters: Vec<f64> = (0..probes).map(scatter).collect();
+    median(&mut scatters).unwrap_or(0.0)
+}
