@@ -501,9 +501,11 @@ impl Cache {
         let known = self.dated_current(sku)?;
         let learned_ms = known.as_ref().map_or(0, |known| known.learned_ms + 1).max(now_ms());
         let part = with_known_order(part, known.as_ref());
-        let written = self.write_current(sku, &part, learned_ms);
-        // Of a part that is the current one already, only the moment is not noted.
-        if known.is_some_and(|known| known.part == part) { Ok(()) } else { written }
+        // Of a part that is the current one already, only the moment would be lost.
+        let is_known = known.is_some_and(|known| known.part == part);
+        let write = if is_known { write_whole_unsynced } else { write_whole_or_not };
+        let written = self.write_current(sku, &part, learned_ms, write);
+        if is_known { Ok(()) } else { written }
     }
 
     /// Makes a part the current part of the SKU that became it at this moment, ms since 1970, and was lost here. Returns
@@ -527,12 +529,19 @@ impl Cache {
                 moment = moment.max(known.learned_ms);
             }
         }
-        self.write_current(sku, &part, moment).map(|()| true)
+        self.write_current(sku, &part, moment, write_whole_or_not).map(|()| true)
     }
 
-    /// Writes the current part for all versions. Those that do not read the record would otherwise mark on an older part
+    /// Writes the current part for all versions, with `write` for the record: one that flushes, where a power cut would bring back an older
+    /// part. Versions that do not read the record would otherwise mark on an older part
     /// after a change of the version, or at another station.
-    fn write_current(&self, sku: &Sku, part: &CurrentPart, learned_ms: u64) -> io::Result<()> {
+    fn write_current(
+        &self,
+        sku: &Sku,
+        part: &CurrentPart,
+        learned_ms: u64,
+        write: fn(&Path, &str, &[u8]) -> io::Result<()>,
+    ) -> io::Result<()> {
         let text = to_toml(part)?;
         for folder in self.version_folders()? {
             let folder = folder.join(sku.key());
@@ -549,8 +558,7 @@ impl Cache {
         let parts = self.root.join(PARTS);
         fs::create_dir_all(&parts)?;
         let record = PartRecord { learned_ms, part: part.clone() };
-        // Flushed, so that a power cut does not bring back an older part.
-        write_whole_or_not(&parts, &format!("{}.toml", sku.key()), to_toml(&record)?.as_bytes())
+        write(&parts, &format!("{}.toml", sku.key()), to_toml(&record)?.as_bytes())
     }
 
     /// The SKUs that have a current part, by their keys.
