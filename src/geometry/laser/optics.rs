@@ -22,9 +22,6 @@ pub mod measured;
 pub use beam::Beam;
 use measured::MeasuredLens;
 
-/// No scan head deflects a beam as far as this, rad: 2D heads reach 35 deg in the corners of their fields.
-const STEEPEST_BEAM: f64 = 50.0 * std::f64::consts::PI / 180.0;
-
 /// The position of the part's view in the laser's frame; z = 0 is the plane in which the marking software's lens
 /// correction was calibrated.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -2,6 +2,9 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
+/// No scan head deflects a beam as far as this, rad: 2D heads reach 35 deg in the corners of their fields.
+pub(super) const STEEPEST_BEAM: f64 = 50.0 * std::f64::consts::PI / 180.0;
+
 /// A straight beam below the lens, by its height in the laser's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beam {

@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector, Rotation2, Vector2};
 
-use super::STEEPEST_BEAM;
+use super::beam::STEEPEST_BEAM;
 use super::least_squares::{self, Solution};
 use crate::geometry::space::{Extents, FieldPoint};
 

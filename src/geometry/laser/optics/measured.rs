@@ -2,8 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Point3, Vector2};
 
-use super::STEEPEST_BEAM;
-use super::beam::Beam;
+use super::beam::{Beam, STEEPEST_BEAM};
 use super::least_squares::{self, Solution};
 use crate::geometry::space::{Extents, FieldPoint};
 
