@@ -15,9 +15,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 
 use crate::cache::{Cache, CacheKey, CachedSurface, Shared, SharedSurfaces};
-use crate::config::{
-    self, Aim, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Weighting,
-};
+use crate::config::{Aim, CorrectionSettings, DxfVersion, JobSettings, PartSettings, Sku, Verify, Weighting};
 use crate::diff;
 use crate::formats::Pace;
 use crate::formats::mesh::PartFacts;
@@ -26,15 +24,12 @@ use crate::geometry::correction::{Bent, Exposure, Projection};
 use crate::geometry::distances::distances;
 use crate::geometry::frame_outline::frame_outline;
 use crate::geometry::ink::Ink;
-use crate::geometry::mapping::floater::FloaterWeights;
-use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::mapping::quality::Distortion;
 use crate::geometry::mapping::{LengthTrueMap, Method};
 use crate::geometry::marking::MarkingDrawing;
 use crate::geometry::optics::Lens;
 use crate::geometry::pattern::Pattern;
 use crate::geometry::picture_mesh::PictureMesh;
-use crate::geometry::primitive::Form;
 use crate::geometry::space::FlatPoint;
 use crate::geometry::surface::fit::{FitOptions, FittedSurface};
 use crate::preview::Preview;
@@ -60,6 +55,8 @@ mod in_space;
 mod landmarks;
 mod list;
 mod mapped_ink;
+mod map_method;
+mod suggested_place;
 mod marked;
 mod preview;
 mod on_part;
@@ -319,7 +316,7 @@ impl Pipeline {
         }
         let (ink, map, projection) = (&mapped.ink, &mapped.map, mapped.projection(surface));
         let rejected = |reason: Reason| {
-            let reason = checks::suggesting_place(reason, &placed, &whole.kept, settings);
+            let reason = suggested_place::suggesting_place(reason, &placed, &whole.kept, settings);
             checks::doubting_unit(reason, &facts).in_file(input.name)
         };
         if let Some(tiles) = &tiles {
@@ -581,37 +578,6 @@ fn weights(settings: &CorrectionSettings) -> WeightsReport {
         aim: settings.aim.name().into(),
         length_weight: settings.length_weight,
         angle_weight: settings.angle_weight,
-    }
-}
-
-fn method(settings: &JobSettings) -> Method {
-    let JobSettings { part, correction, .. } = settings;
-    let options = match correction.weighting {
-        Weighting::Ink => match correction.aim {
-            Aim::Balanced => IsometricOptions::INK,
-            Aim::Lengths => IsometricOptions::LENGTHS,
-            Aim::Areas => IsometricOptions::AREAS,
-            Aim::Shapes => IsometricOptions::SHAPES,
-        }
-        .emphasised(correction.length_weight, correction.angle_weight),
-        Weighting::Uniform => IsometricOptions::UNIFORM,
-    };
-    match (correction.method, part.primitive.map(|primitive| (primitive, primitive.form()))) {
-        (config::Method::Auto, Some((primitive, _)))
-        | (config::Method::Cylinder, Some((primitive, Form::Cylinder(_))))
-        | (config::Method::Cone, Some((primitive, Form::Cone(_)))) => Method::Given(primitive),
-        (config::Method::Auto, None) => {
-            Method::Auto { exact_tolerance: Method::EXACT_TOLERANCE, otherwise: options }
-        }
-        (config::Method::Isometric, _) => Method::Isometric(options),
-        (config::Method::Cylinder, _) => Method::Cylinder,
-        (config::Method::Cone, _) => Method::Cone,
-        (config::Method::MappingDomain, _) => Method::MappingDomain(correction.mapping_domain),
-        (config::Method::Floater, _) => Method::Floater(match correction.floater_weights {
-            config::FloaterWeights::Uniform => FloaterWeights::Uniform,
-            config::FloaterWeights::MeanValue => FloaterWeights::MeanValue,
-        }),
-        (config::Method::None, _) => Method::Plain,
     }
 }
 

@@ -15,18 +15,13 @@ pub(super) use rotary::{
 
 use nalgebra::Vector2;
 
-use super::mapped_ink::MappedInk;
-use super::{
-    CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Pattern, PatternFacts, Sku, fill, method,
-};
-use crate::config::{Align, Anchor, Losses, OutsideMark, Tiles, ViewSource, parse_facing};
-use crate::cores::Cores;
+use super::{CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Pattern, PatternFacts, Sku};
+use crate::config::{Align, Losses, OutsideMark, ViewSource, parse_facing};
 use crate::formats::mesh::{PartFacts, SideFacts};
-use crate::geometry::mapping::quality;
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::normal_equations::SolveError;
 use crate::geometry::optics::Lens;
-use crate::geometry::pattern::{Affine, Shape};
+use crate::geometry::pattern::Shape;
 use crate::geometry::primitive::Primitive;
 use crate::geometry::sides::thickness_behind;
 use crate::geometry::space::{Extents, Facing, FlatPoint, MarkingFrame, ViewPoint};
@@ -380,13 +375,6 @@ pub(super) fn beside_part(
     Err(off_surface(seen, part, &drawn).with_number("ink without surface", 100.0, "%", Some(0.0)))
 }
 
-/// Number of steps across a drawing at which its place on the part is tested.
-const PLACE_SAMPLES: u32 = 8;
-/// A drawing within this of a place is there already, mm.
-const SAME_PLACE: f64 = 1e-3;
-/// How far from zero the corner of a page may be, mm.
-const PAGE_CORNER: f64 = 1e-6;
-
 /// Rejects a drawing with visible ink, on an ink layer, that cannot be marked, unless the settings only warn.
 pub(super) fn lost_ink(facts: &PatternFacts, settings: &JobSettings) -> Result<(), Reason> {
     let lost = facts.lost_ink(|layer| settings.pattern.counts_as_ink(layer));
@@ -541,67 +529,6 @@ fn seen_extents(part: &CachedSurface, nodes: &Extents, step: f64) -> Extents {
     seen
 }
 
-/// The reason with a place for the drawing first, where it misses the part because it was drawn elsewhere, as from the corner
-/// of a page, and would be on the part there.
-pub(super) fn suggesting_place(
-    reason: Reason,
-    placed: &Pattern,
-    part: &CachedSurface,
-    settings: &JobSettings,
-) -> Reason {
-    let is_as_drawn = settings.placement.place.is_none()
-        && settings.placement.anchor == Anchor::Center
-        && settings.placement.align != Align::Axis
-        && settings.rotary.tiles == Tiles::Off
-        && settings.part.view_source.frame().is_none();
-    if reason.code != "off-surface" || !is_as_drawn {
-        return reason;
-    }
-    let (field, drawn) = (&part.surface.field, placed.extents());
-    let is_on_part = |middle: &Vector2<f64>| {
-        let along = |at: u32| f64::from(at) / f64::from(PLACE_SAMPLES) - 0.5;
-        (0..=PLACE_SAMPLES).all(|column| {
-            (0..=PLACE_SAMPLES).all(|row| {
-                let offset = drawn.size().component_mul(&Vector2::new(along(column), along(row)));
-                field.is_surface((middle + offset).into())
-            })
-        })
-    };
-    // The middle of the part is rounded to whole numbers that people type.
-    let middle = field.extents().center().map(f64::round);
-    let is_elsewhere = |place: &Vector2<f64>| (place - drawn.center()).norm() > SAME_PLACE;
-    // A few samples may all be beside a hole.
-    let place = [Vector2::zeros(), middle]
-        .into_iter()
-        .find(|place| is_elsewhere(place) && is_on_part(place) && fits_at(*place, placed, part, settings));
-    let Some(place) = place else { return reason };
-    let starts_at_corner =
-        drawn.min.x >= -PAGE_CORNER && (drawn.min.y >= -PAGE_CORNER || drawn.max.y <= PAGE_CORNER);
-    let why = match starts_at_corner {
-        true => "the drawing fits there, and its coordinates seem to be those of a page",
-        false => "the drawing fits there",
-    };
-    let [x, y] = [place.x + 0.0, place.y + 0.0];
-    let remedy = format!(
-        "Put the middle of the drawing on the part with `--place {x},{y}` (`place_mm = [{x}, {y}]` under [placement]): {why}. If it \
-         belongs elsewhere, move it or check `facing`."
-    );
-    Reason { remedy, ..reason }
-}
-
-/// Whether all ink of a placed drawing is on the part with its middle at a place of the view: what is refused otherwise.
-fn fits_at(place: Vector2<f64>, placed: &Pattern, part: &CachedSurface, settings: &JobSettings) -> bool {
-    let (from, to) = (FlatPoint::from(placed.extents().center()), FlatPoint::from(place));
-    let moved = placed.transformed(&Affine::rigid(from, 0.0, to));
-    let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
-    let (marked, method) = (fill::for_map(&moved, settings), method(settings));
-    let map = LengthTrueMap::find_with_fork(&part.surface, &marked, is_ink, to, &method, &Cores);
-    map.is_ok_and(|map| {
-        let mapped = MappedInk::new(quality::sample(&moved, is_ink), map, settings);
-        mapped.exposure(&part.surface).off_surface == 0
-    })
-}
-
 fn span(extents: &Extents, axis: usize) -> String {
     format!("{:.1} to {:.1}", extents.min[axis], extents.max[axis])
 }
@@ -628,6 +555,7 @@ pub(super) fn doubting_unit(reason: Reason, facts: &PatternFacts) -> Reason {
 mod tests {
     use super::*;
     use crate::formats::mesh::{self, MeshFormat, MeshOptions};
+    use crate::geometry::mapping::quality;
 
     /// STEP files have no facets, and no deviation to export them with.
     #[test]

@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::map_method::method;
 use super::mapped_ink::{measured, without_open_areas};
 use super::placing::PlacedPattern;
 use super::{Clock, LearnedPart, PatternInput, Pipeline, PipelineError, Step};
-use super::{checks, chords, fill, hash, method, program, weights};
+use super::{checks, chords, fill, hash, program, weights};
 use crate::cache::{CachedSurface, PartOrigin};
 use crate::config::{Aim, CorrectionSettings, FloaterWeights, JobSettings, Method, Sku, Weighting};
 use crate::cores::Cores;

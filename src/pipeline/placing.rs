@@ -2,11 +2,12 @@
 
 use super::content::{self, PlacedCode};
 use super::fill;
+use super::map_method::method;
 use super::progress::Steps;
 use super::recent::RecentDrawings;
 use super::{
     Clock, LearnedPart, PatternInput, Pipeline, PipelineError, QUICK_WORK, Step, WORK_OF_PIECE, checks,
-    method,
+    suggested_place,
 };
 use crate::cache::CachedSurface;
 use crate::config::{Align, Anchor, JobSettings, Sku, Tiles, ViewSource};
@@ -64,7 +65,7 @@ impl Pipeline {
         let is_ink = |layer: &str| settings.pattern.counts_as_ink(layer);
         let method = method(settings);
         let rejected = |reason: Reason, facts: &PatternFacts, placed: &Pattern| {
-            let reason = checks::suggesting_place(reason, placed, &whole.kept, settings);
+            let reason = suggested_place::suggesting_place(reason, placed, &whole.kept, settings);
             PipelineError::from(checks::doubting_unit(reason, facts).in_file(name))
         };
         let find = |pattern: &PlacedPattern| {
@@ -136,12 +137,12 @@ impl Pipeline {
         let placed = pattern.transformed(&placing.motion);
         drop(pattern);
         let length = checks::reach(&placed, is_ink, part).map_err(|reason| {
-            let reason = checks::suggesting_place(reason, &placed, part, settings);
+            let reason = suggested_place::suggesting_place(reason, &placed, part, settings);
             rejected(checks::doubting_unit(reason, &facts))
         })?;
         checks::lost_ink(&facts, settings).map_err(rejected)?;
         checks::beside_part(&placed, is_ink, placing.place, part).map_err(|reason| {
-            let reason = checks::suggesting_place(reason, &placed, part, settings);
+            let reason = suggested_place::suggesting_place(reason, &placed, part, settings);
             rejected(checks::doubting_unit(reason, &facts))
         })?;
         self.check_pace((length / quality::PIECE) as usize * WORK_OF_PIECE, QUICK_WORK)?;

@@ -256,7 +256,7 @@ fn recognised(
             if part.surface.field.is_surface(ViewPoint::from(place.coords())) { &under_drawing } else { ink };
         checks::map_reason(&error, place, part, ink)
     };
-    let map = match super::method(settings) {
+    let map = match super::map_method::method(settings) {
         Method::Given(primitive) => find(Method::Given(primitive)).map_err(no_map)?,
         method @ (Method::Cylinder | Method::Cone) => find(method).map_err(no_map)?,
         Method::Auto { exact_tolerance, .. } => {

@@ -54,7 +54,7 @@ fn a_scan_far_from_the_origin_is_refused_because_of_its_offset() {
     let desk = Desk::new();
     let places = (0..900).map(|at| (500_000 + at % 30, 4_000_000 + at / 30));
     desk.write("map.xyz", places.map(|(x, y)| format!("{x}.25 {y}.5 200.0\n")).collect::<String>());
-    let words = ["all 900 points", "too far from the origin", "4000000", "subtract the offset"];
+    let words = ["All 900 points", "too far from the origin", "4000000", "Subtract the offset"];
     desk.isomark(&["inspect", "map.xyz", "--part-unit", "mm"]).refused(1, &words);
 }
 

@@ -487,7 +487,6 @@ impl MeshReadError {
             | Self::Refused { .. }
             | Self::NoTriangles { .. }
             | Self::NoPoints { .. }
-            | Self::ScanTooFar { .. }
             | Self::CutShort { .. }
             | Self::TooLarge { .. }
             | Self::TakesLong => Place::default(),

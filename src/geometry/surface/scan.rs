@@ -18,14 +18,16 @@ use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;
 
+use cells::{Cells, is_surrounded};
 pub use error::ScanError;
 use penalised::Smoothed;
 pub use smoothing::Smoothing;
-use visible::{Cells, ROUGHEST, Region};
+use visible::{ROUGHEST, Region};
 
 mod error;
 mod smoothing;
 mod behind;
+mod cells;
 mod visible;
 mod penalised;
 
@@ -284,14 +286,6 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, widest: Option<f64>) 
     let field = HeightField::new(origin, step, columns.max(2), rows.max(2), nodes)
         .expect("a surface of 64 points that are not collinear has columns and rows");
     (field, owners)
-}
-
-/// Whether there are points in all four quadrants, or in octants of which no three in a row are without: either way, no half-plane
-/// is empty.
-fn is_surrounded(octants: u8) -> bool {
-    let empty = !octants;
-    let has_empty_quadrant = (0..4).any(|quadrant| octants >> (2 * quadrant) & 0b11 == 0);
-    !has_empty_quadrant || empty & empty.rotate_left(1) & empty.rotate_left(2) == 0
 }
 
 /// Covers the gaps of at most `most` nodes along and across: by chance, random points leave such gaps.

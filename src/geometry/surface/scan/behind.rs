@@ -8,8 +8,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector2};
 
-use super::is_surrounded;
-use super::visible::{Cells, median};
+use super::cells::{Cells, extents_of, is_surrounded, median};
 use crate::geometry::height_field::STEEPEST_SURFACE;
 
 /// Side of a cell, in units of the mean distance between the points.
@@ -39,7 +38,7 @@ const DISTANCES: usize = 100_000_000;
 /// For each point of the view, whether those `inside` that are above it surround it.
 pub(super) fn behind_others(points: &[Point3<f64>], inside: &[u32]) -> Vec<bool> {
     let mut behind = vec![false; points.len()];
-    let size = super::visible::extents_of(points, inside).size();
+    let size = extents_of(points, inside).size();
     let side = CELL * (size.x * size.y / inside.len() as f64).sqrt();
     let margin = BEYOND_NOISE * noise(points, inside);
     let cells = Cells::new(points, inside, side);

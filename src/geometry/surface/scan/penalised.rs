@@ -8,7 +8,8 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 
-use super::visible::{Cells, Region, TO_DEVIATION, median};
+use super::cells::{Cells, TO_DEVIATION, median};
+use super::visible::Region;
 use super::{ScanError, Smoothing};
 use crate::geometry::fork::Fork;
 use crate::geometry::normal_equations::{CellRow, CellSum, GridSolver, NormalEquations, SolveError};

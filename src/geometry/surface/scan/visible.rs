@@ -7,12 +7,11 @@
 
 use nalgebra::{Matrix2, Point3, Vector2};
 
+use super::cells::{CELL, Cells, TO_DEVIATION, extents_of, median};
 use super::{ScanError, behind};
 use crate::geometry::height_field::STEEPEST_SURFACE;
 use crate::geometry::space::Extents;
 
-/// Side of a cell in units of the point spacing: any square lattice then has a point in every cell.
-const CELL: f64 = 1.5;
 /// Share of the points that may be far outside on each side.
 const FAR: f64 = 0.01;
 /// Share of the neighbours of occupied cells that must be occupied too; otherwise cells are widened. A small disc has
@@ -40,15 +39,6 @@ pub(super) const ROUGHEST: f64 = 4.0;
 /// Deviations beyond this many standard deviations are not noise.
 const BEYOND_NOISE: f64 = 6.0;
 
-/// Square cells over the view with the points in each, the uppermost first.
-pub(super) struct Cells {
-    side: f64,
-    columns: usize,
-    rows: usize,
-    starts: Vec<usize>,
-    order: Vec<u32>,
-}
-
 /// The points of one surface, including those that may belong to it.
 pub(super) struct Region {
     /// The points, mm.
@@ -75,98 +65,6 @@ struct Cell {
     height: f64,
     /// Its slope, towards the flatter side along each axis.
     slope: f64,
-}
-
-impl Cells {
-    /// The points that are `inside`, in cells with a side, mm.
-    pub(super) fn new(points: &[Point3<f64>], inside: &[u32], side: f64) -> Self {
-        let extents = extents_of(points, inside);
-        let size = extents.size();
-        let (columns, rows) = ((size.x / side) as usize + 1, (size.y / side) as usize + 1);
-        let cell_of = |at: u32| {
-            let place = (points[at as usize].coords.xy() - extents.min) / side;
-            place.y as usize * columns + place.x as usize
-        };
-        let mut starts = vec![0; columns * rows + 1];
-        inside.iter().for_each(|&at| starts[cell_of(at) + 1] += 1);
-        (0..columns * rows).for_each(|cell| starts[cell + 1] += starts[cell]);
-        let (mut next, mut order) = (starts.clone(), vec![0; inside.len()]);
-        for &at in inside {
-            let cell = cell_of(at);
-            order[next[cell]] = at;
-            next[cell] += 1;
-        }
-        for cell in 0..columns * rows {
-            let upper_first = |a: &u32, b: &u32| points[*b as usize].z.total_cmp(&points[*a as usize].z);
-            order[starts[cell]..starts[cell + 1]].sort_by(upper_first);
-        }
-        Self { side, columns, rows, starts, order }
-    }
-
-    /// Distance between points, mm.
-    pub(super) fn spacing(&self) -> f64 {
-        self.side / CELL
-    }
-
-    /// Distance between points round each cell, mm, if `chosen` gives the number of points in it: that of points spread evenly over
-    /// the cells which have some.
-    pub(super) fn local_spacings(&self, chosen: &[usize]) -> Vec<f64> {
-        let local = |cell: usize| {
-            let [mut count, mut filled] = [0usize; 2];
-            for near in self.window(cell) {
-                count += chosen[near];
-                filled += usize::from(chosen[near] > 0);
-            }
-            self.side * (filled as f64 / count.max(1) as f64).sqrt()
-        };
-        (0..self.count()).map(local).collect()
-    }
-
-    /// Side of a cell, mm.
-    pub(super) fn side(&self) -> f64 {
-        self.side
-    }
-
-    /// Longer side of all cells together, mm.
-    pub(super) fn longer(&self) -> f64 {
-        self.side * self.columns.max(self.rows) as f64
-    }
-
-    /// Number of cells along x and y.
-    pub(super) fn size(&self) -> [usize; 2] {
-        [self.columns, self.rows]
-    }
-
-    /// Number of cells.
-    pub(super) fn count(&self) -> usize {
-        self.columns * self.rows
-    }
-
-    /// The points in a cell, the uppermost first.
-    pub(super) fn points(&self, cell: usize) -> &[u32] {
-        &self.order[self.starts[cell]..self.starts[cell + 1]]
-    }
-
-    /// The cell `right` columns and `up` rows away.
-    fn neighbour(&self, cell: usize, right: isize, up: isize) -> Option<usize> {
-        let column = (cell % self.columns).checked_add_signed(right).filter(|&at| at < self.columns)?;
-        let row = (cell / self.columns).checked_add_signed(up).filter(|&at| at < self.rows)?;
-        Some(row * self.columns + column)
-    }
-
-    /// The cells within so many of one, from below.
-    pub(super) fn square(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
-        let range = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
-        let columns = range(cell % self.columns, self.columns);
-        let rows = range(cell / self.columns, self.rows);
-        rows.flat_map(move |row| columns.clone().map(move |column| row * self.columns + column))
-    }
-
-    /// A cell and the up to eight cells round it.
-    pub(super) fn window(&self, cell: usize) -> impl Iterator<Item = usize> {
-        let offsets = (-1..=1).flat_map(|up| (-1..=1).map(move |right| (right, up)));
-        offsets.filter_map(move |(right, up)| self.neighbour(cell, right, up))
-    }
 }
 
 /// Assigns the points, which are given in the view, to surfaces.
@@ -224,7 +122,7 @@ fn resolved(points: &[Point3<f64>], inside: &[u32]) -> Result<(Cells, Look), Sca
 fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
     let highest = |cell: usize| cells.points(cell).first().map_or(f64::NAN, |&at| points[at as usize].z);
     let noise = roughness(cells, &(0..cells.count()).map(highest).collect::<Vec<_>>());
-    if !(noise <= ROUGHEST * cells.side) {
+    if !(noise <= ROUGHEST * cells.side()) {
         return Err(ScanError::NoSurface { points: points.len() });
     }
     let mut counts: Vec<f64> =
@@ -243,7 +141,7 @@ fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
     for cell in 0..cells.count() {
         let top = tops[cell];
         let [along, across] = slopes(cells, &tops, cell);
-        let lowest = top - (1.25 * (along + across) + 0.3) * cells.side - BEYOND_NOISE * noise;
+        let lowest = top - (1.25 * (along + across) + 0.3) * cells.side() - BEYOND_NOISE * noise;
         seen.clear();
         for &at in cells.points(cell) {
             let height = points[at as usize].z;
@@ -262,7 +160,7 @@ fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
 fn is_gap(cells: &Cells, tops: &[f64], cell: usize, noise: f64) -> bool {
     let offsets = (-2..=2).flat_map(|up| (-2..=2).map(move |right| (right, up)));
     let is_above = |&(right, up): &(isize, isize)| {
-        let climb = STEEPEST_SURFACE.tan() * cells.side * (right as f64).hypot(up as f64);
+        let climb = STEEPEST_SURFACE.tan() * cells.side() * (right as f64).hypot(up as f64);
         let near = cells.neighbour(cell, right, up);
         near.is_some_and(|near| tops[near] - tops[cell] > climb + BEYOND_NOISE * noise)
     };
@@ -354,11 +252,6 @@ fn side_of(points: &[Point3<f64>], chosen: &[u32], inside: &[u32]) -> f64 {
     side
 }
 
-/// The extents of the points that are `inside`, in the view.
-pub(super) fn extents_of(points: &[Point3<f64>], inside: &[u32]) -> Extents {
-    Extents::of(inside.iter().map(|&at| points[at as usize].coords.xy())).grown(1e-9)
-}
-
 /// A robust measure of how far heights deviate from the mean of their neighbours, mm: no less than the noise.
 fn roughness(cells: &Cells, heights: &[f64]) -> f64 {
     let mut deviations = Vec::new();
@@ -376,20 +269,11 @@ fn roughness(cells: &Cells, heights: &[f64]) -> f64 {
     median(&mut deviations).map_or(0.0, |median| median * TO_DEVIATION / 1.5f64.sqrt())
 }
 
-/// Ratio of the standard deviation of a normal distribution to the median of its absolute values.
-pub(super) const TO_DEVIATION: f64 = 1.482_602_218_505_602;
-
-/// The upper median; `None` without values.
-pub(super) fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
-
 /// The uppermost point of a cell that has enough points near its height round it; NaN if there is none.
 ///
 /// `usual` is the number of points in most cells.
 fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64, usual: f64) -> f64 {
-    let near = 1.2 * cells.side + BEYOND_NOISE * noise;
+    let near = 1.2 * cells.side() + BEYOND_NOISE * noise;
     let around: f64 =
         cells.window(cell).map(|cell| (cells.points(cell).len() as f64).min(MOST_OF_USUAL * usual)).sum();
     let needed = (SUPPORT * around).max(2.0);
@@ -412,7 +296,7 @@ fn slopes(cells: &Cells, heights: &[f64], cell: usize) -> [f64; 2] {
         let sides = [(right, up), (-right, -up)];
         let climbs = sides.into_iter().filter_map(|(right, up)| {
             let climb = heights[cells.neighbour(cell, right, up)?] - heights[cell];
-            climb.is_finite().then(|| climb.abs() / cells.side)
+            climb.is_finite().then(|| climb.abs() / cells.side())
         });
         climbs.reduce(f64::min).unwrap_or(0.0)
     })
@@ -424,7 +308,7 @@ fn connected(cells: &Cells, surface: &[Cell], noise: f64) -> Vec<u32> {
     // curvature. The smaller slope is used, because an outlier is steep on all sides.
     let joined = |a: Cell, b: Cell, distance: f64| {
         let slope = a.slope.min(b.slope).min(STEEPEST_SURFACE.tan());
-        let climb = (2.0 * slope + 1.0) * distance * cells.side;
+        let climb = (2.0 * slope + 1.0) * distance * cells.side();
         (a.height - b.height).abs() <= climb + BEYOND_NOISE * noise
     };
     let mut labels = vec![0; surface.len()];

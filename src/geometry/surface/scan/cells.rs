@@ -1,0 +1,131 @@
+//! Square cells over the points of a scan, as the laser sees them.
+
+use nalgebra::Point3;
+
+use crate::geometry::space::Extents;
+
+/// Side of a cell in units of the point spacing: any square lattice then has a point in every cell.
+pub(super) const CELL: f64 = 1.5;
+
+/// Ratio of the standard deviation of a normal distribution to the median of its absolute values.
+pub(super) const TO_DEVIATION: f64 = 1.482_602_218_505_602;
+
+/// Square cells over the view with the points in each, the uppermost first.
+pub(super) struct Cells {
+    side: f64,
+    columns: usize,
+    rows: usize,
+    starts: Vec<usize>,
+    order: Vec<u32>,
+}
+
+impl Cells {
+    /// The points that are `inside`, in cells with a side, mm.
+    pub(super) fn new(points: &[Point3<f64>], inside: &[u32], side: f64) -> Self {
+        let extents = extents_of(points, inside);
+        let size = extents.size();
+        let (columns, rows) = ((size.x / side) as usize + 1, (size.y / side) as usize + 1);
+        let cell_of = |at: u32| {
+            let place = (points[at as usize].coords.xy() - extents.min) / side;
+            place.y as usize * columns + place.x as usize
+        };
+        let mut starts = vec![0; columns * rows + 1];
+        inside.iter().for_each(|&at| starts[cell_of(at) + 1] += 1);
+        (0..columns * rows).for_each(|cell| starts[cell + 1] += starts[cell]);
+        let (mut next, mut order) = (starts.clone(), vec![0; inside.len()]);
+        for &at in inside {
+            let cell = cell_of(at);
+            order[next[cell]] = at;
+            next[cell] += 1;
+        }
+        for cell in 0..columns * rows {
+            let upper_first = |a: &u32, b: &u32| points[*b as usize].z.total_cmp(&points[*a as usize].z);
+            order[starts[cell]..starts[cell + 1]].sort_by(upper_first);
+        }
+        Self { side, columns, rows, starts, order }
+    }
+
+    /// Distance between points, mm.
+    pub(super) fn spacing(&self) -> f64 {
+        self.side / CELL
+    }
+
+    /// Distance between points round each cell, mm, if `chosen` gives the number of points in it: that of points spread evenly over
+    /// the cells which have some.
+    pub(super) fn local_spacings(&self, chosen: &[usize]) -> Vec<f64> {
+        let local = |cell: usize| {
+            let [mut count, mut filled] = [0usize; 2];
+            for near in self.window(cell) {
+                count += chosen[near];
+                filled += usize::from(chosen[near] > 0);
+            }
+            self.side * (filled as f64 / count.max(1) as f64).sqrt()
+        };
+        (0..self.count()).map(local).collect()
+    }
+
+    /// Side of a cell, mm.
+    pub(super) fn side(&self) -> f64 {
+        self.side
+    }
+
+    /// Longer side of all cells together, mm.
+    pub(super) fn longer(&self) -> f64 {
+        self.side * self.columns.max(self.rows) as f64
+    }
+
+    /// Number of cells along x and y.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.columns, self.rows]
+    }
+
+    /// Number of cells.
+    pub(super) fn count(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// The points in a cell, the uppermost first.
+    pub(super) fn points(&self, cell: usize) -> &[u32] {
+        &self.order[self.starts[cell]..self.starts[cell + 1]]
+    }
+
+    /// The cell `right` columns and `up` rows away.
+    pub(super) fn neighbour(&self, cell: usize, right: isize, up: isize) -> Option<usize> {
+        let column = (cell % self.columns).checked_add_signed(right).filter(|&at| at < self.columns)?;
+        let row = (cell / self.columns).checked_add_signed(up).filter(|&at| at < self.rows)?;
+        Some(row * self.columns + column)
+    }
+
+    /// The cells within so many of one, from below.
+    pub(super) fn square(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
+        let range = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
+        let columns = range(cell % self.columns, self.columns);
+        let rows = range(cell / self.columns, self.rows);
+        rows.flat_map(move |row| columns.clone().map(move |column| row * self.columns + column))
+    }
+
+    /// A cell and the up to eight cells round it.
+    pub(super) fn window(&self, cell: usize) -> impl Iterator<Item = usize> {
+        let offsets = (-1..=1).flat_map(|up| (-1..=1).map(move |right| (right, up)));
+        offsets.filter_map(move |(right, up)| self.neighbour(cell, right, up))
+    }
+}
+
+/// The extents of the points that are `inside`, in the view.
+pub(super) fn extents_of(points: &[Point3<f64>], inside: &[u32]) -> Extents {
+    Extents::of(inside.iter().map(|&at| points[at as usize].coords.xy())).grown(1e-9)
+}
+
+/// The upper median; `None` without values.
+pub(super) fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// Whether there are points in all four quadrants, or in octants of which no three in a row are without: either way, no half-plane
+/// is empty.
+pub(super) fn is_surrounded(octants: u8) -> bool {
+    let empty = !octants;
+    let has_empty_quadrant = (0..4).any(|quadrant| octants >> (2 * quadrant) & 0b11 == 0);
+    !has_empty_quadrant || empty & empty.rotate_left(1) & empty.rotate_left(2) == 0
+}
