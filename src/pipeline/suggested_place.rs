@@ -8,6 +8,7 @@ use super::mapped_ink::MappedInk;
 use crate::cache::CachedSurface;
 use crate::config::{Align, Anchor, JobSettings, Tiles};
 use crate::cores::Cores;
+use crate::geometry::ink::Ink;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::quality;
 use crate::geometry::pattern::{Affine, Pattern};
@@ -81,6 +82,11 @@ fn fits_at(place: Vector2<f64>, placed: &Pattern, part: &CachedSurface, settings
     let map = LengthTrueMap::find_with_fork(&part.surface, &marked, is_ink, to, &method, &Cores);
     map.is_ok_and(|map| {
         let mapped = MappedInk::new(quality::sample(&moved, is_ink), map, settings);
-        mapped.exposure(&part.surface).off_surface == 0
+        let is_on_part = |mapped: &MappedInk| mapped.exposure(&part.surface).off_surface == 0;
+        let marked = |ink: &Ink| fill::marked_ink(&moved, ink, settings);
+        let lines = mapped.without_open_areas(&part.surface, settings, marked);
+        is_on_part(&mapped)
+            || lines
+                .is_some_and(|(lines, _)| is_on_part(&MappedInk::new(lines, mapped.map.clone(), settings)))
     })
 }
