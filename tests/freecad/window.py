@@ -57,6 +57,8 @@ def pointer(place, ctrl=False):
 
 def click(widget):
     """Clicks the middle of a widget, after making it visible and when it stays at its place."""
+    # While the panel changes its height, what was made visible leaves the visible part again.
+    yield settled(widget)
     area = widget.parent()
     while area is not None and not isinstance(area, QtGui.QScrollArea):
         area = area.parent()
