@@ -40,6 +40,8 @@ const OF_SCATTER: f64 = 1.0;
 /// The same with exact normals: their vertices are on the part, and what seems to be scatter is curvature that the mesh is too
 /// coarse for.
 const OF_EXACT_SCATTER: f64 = 0.2;
+/// The error of the slope over a triangle in terms of that which the rounding of its corners has on average.
+const OF_ROUNDING: f64 = 1.4;
 /// The error of the slope over a triangle as a share of the standard deviation of the normals at its corners.
 const OF_NORMALS: f64 = 0.6;
 /// The share on turned parts: the error is that of the slope along the profile only.
@@ -157,7 +159,8 @@ impl SmoothMesh {
                 true => 0.0,
                 false => corners.map(deviation).into_iter().map(|rad| rad * rad).sum::<f64>() / 3.0,
             };
-            let of_vertices = self.scatter_doubt(triangle, estimated, &scatter).powi(2);
+            let of_scatter = self.scatter_doubt(triangle, estimated, &scatter);
+            let of_vertices = of_scatter.max(self.rounding_doubt(triangle)).powi(2);
             let of_shape = (of_patches + of_curve.powi(2)).max(of_vertices);
             let doubt = (of_shape + OF_NORMALS.powi(2) * of_normals).sqrt();
             let width = least_width(self.corners(triangle).0);
@@ -266,6 +269,19 @@ impl SmoothMesh {
             if length > 0.0 { (share * (scatter[other] - scatter[one]) / length).powi(2) } else { 0.0 }
         });
         (squares.into_iter().sum::<f64>() / 3.0).sqrt()
+    }
+
+    /// The error of the slope over a triangle, rad, root mean square, by the rounding of the file's numbers: that of the plane
+    /// through corners that are off independently. What few facets are off does not average out.
+    fn rounding_doubt(&self, triangle: usize) -> f64 {
+        let [a, b, c] = self.corners(triangle).0;
+        let squares = [b - a, c - b, a - c].map(|side| side.norm_squared());
+        let area = (b - a).cross(&(c - a)).norm();
+        if area > 0.0 {
+            OF_ROUNDING * self.rounding * squares.into_iter().sum::<f64>().sqrt() / area
+        } else {
+            0.0
+        }
     }
 
     /// The error of the slope across a straight side along which the part twists, rad, root mean square: it has the slopes of the
