@@ -638,6 +638,17 @@ fn tops_of_bevelled_prisms_and_discs_are_flat() {
     }
 }
 
+/// A Boolean modifier leaves slivers: averages that a sliver has a share in contradict nothing.
+#[test]
+fn averages_beside_slivers_bend_no_cylinder() {
+    let reading = sample("bl45-mug-pocket.glb");
+    assert_eq!(reading.facts.normals, NormalsFound::Averaged);
+    let patch = Extents { min: Vector2::new(-30.0, -15.0), max: Vector2::new(25.0, 15.0) };
+    let fit = CylinderFit::to(&SampledPatch::under(&seen_from(&reading, Vector3::z()), &patch).unwrap());
+    let fit = fit.unwrap();
+    assert!((fit.cylinder.radius - 40.0).abs() < 0.001 && fit.residual < 0.001, "{fit:?}");
+}
+
 /// The facets of a small fillet are long, low and irregular: they tilt by far more than the normals turn.
 #[test]
 fn exact_normals_beside_small_fillets_cause_no_doubt() {

@@ -508,6 +508,9 @@ impl Places {
             }
         }
         let mut facets: Vec<Vec<Facet>> = (0..count).map(|_| Vec::new()).collect();
+        // A sliver has no normal of its own, and the average that its corners share has that of the polygon it was cut from: such
+        // places show nothing.
+        let mut has_sliver = vec![false; facets.len()];
         let places_of = |corners: &[u32; 3]| corners.map(|vertex| welded[vertex as usize]);
         let places: Vec<[u32; 3]> = mesh.triangles().iter().map(places_of).collect();
         // A quadrangle that is bent by more would have an edge; a fan is no polygon.
@@ -519,12 +522,14 @@ impl Places {
         let whole = |triangle: usize| (triangle, places[triangle], mesh.corners(mesh.triangles()[triangle]));
         for (triangle, &corners) in mesh.triangles().iter().enumerate() {
             let points = mesh.corners(corners);
-            if sliver_side(points).is_some() {
-                continue;
-            }
+            let is_sliver = sliver_side(points).is_some();
             for corner in 0..3 {
                 let place = of_place[welded[corners[corner] as usize] as usize];
                 if place == NONE {
+                    continue;
+                }
+                if is_sliver {
+                    has_sliver[place as usize] = true;
                     continue;
                 }
                 let [here, one, two] = [0, 1, 2].map(|turn| points[(corner + turn) % 3]);
@@ -548,6 +553,9 @@ impl Places {
                     ),
                 });
             }
+        }
+        for (facets, _) in facets.iter_mut().zip(has_sliver).filter(|(_, has_sliver)| *has_sliver) {
+            facets.clear();
         }
         Self { facets }
     }
