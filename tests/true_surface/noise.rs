@@ -123,6 +123,20 @@ fn a_noisy_mesh_is_as_good_as_its_vertices_in_a_scan() {
     }
 }
 
+/// Reduction keeps the vertices that stick out: neighbours are then more often on opposite sides of the part than by chance.
+#[test]
+fn a_reduced_noisy_mesh_is_smoothed() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/scans/cylinder-reduced.ply");
+    let options = MeshOptions::default().with_unit(LengthUnit::Millimetre).with_up(UpAxis::Z);
+    let bytes = std::fs::read(path).unwrap();
+    let mut reading = mesh::read(&bytes, MeshFormat::Ply, &options, &BTreeMap::new()).unwrap();
+    assert_eq!(reading.facts.normals_used, Some(NormalsUsed::Smoothed));
+    let noise = reading.facts.noise.unwrap().noise_mm;
+    assert!((0.75..1.3).contains(&(noise / 0.03)), "{noise} mm");
+    let after = judged(&fitted(&mut reading), |_, y| (900.0 - y * y).sqrt());
+    assert!(after.length_error < 0.05, "{} mm", after.length_error);
+}
+
 #[test]
 fn settings_overrule_the_smoothing_of_a_noisy_mesh() {
     let mesh = noisy(&shapes::graph(24.0, 1.0, saddle), 0.02, &mut Random(2));

@@ -2,8 +2,9 @@
 
 The mandarin is that of tests/reference_cases; noise is 0.05 mm unless stated otherwise."""
 
-import numpy as np
+import fast_simplification
 import meshio
+import numpy as np
 import trimesh
 from plyfile import PlyData, PlyElement
 from stl import Mode, mesh as numpy_stl
@@ -67,3 +68,14 @@ solid.save("can-numpy-stl-binary.stl", mode=Mode.BINARY)
 solid.save("can-numpy-stl-text.stl", mode=Mode.ASCII)
 meshio.Mesh(can, [("triangle", faces)]).write("can-meshio.ply", binary=False)
 trimesh.Trimesh(can, faces, process=False).export("can-trimesh.ply", vertex_normal=True)
+
+# A scanned mesh whose triangles were reduced to a third: a cylinder of radius 30 mm along x, its top at z = 30, with noise of
+# 0.03 mm.
+x, y = np.meshgrid(np.linspace(-24, 24, 97), np.linspace(-18, 18, 73))
+z = np.sqrt(30**2 - y**2) + 0.03 * np.random.default_rng(1).normal(size=x.shape)
+noisy = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+corner = np.arange(x.size).reshape(x.shape)
+a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
+faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+noisy, faces = fast_simplification.simplify(noisy.astype(np.float32), faces.astype(np.int32), 0.7)
+trimesh.Trimesh(noisy, faces, process=False).export("cylinder-reduced.ply", vertex_normal=False)
