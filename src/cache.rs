@@ -893,7 +893,8 @@ fn decode(bytes: &[u8]) -> Result<CachedSurface, String> {
             Some(region.ok_or_else(|| "the sizes of the grids do not match".to_owned())?)
         }
     };
-    Ok(CachedSurface { origin, surface: surface.with_known(facts.known_forms()), facts, mark })
+    let surface = surface.with_known(facts.known_forms()).measured(facts.scan.is_some());
+    Ok(CachedSurface { origin, surface, facts, mark })
 }
 
 fn decode_mesh(bytes: &[u8]) -> Option<PictureMesh> {

@@ -10,6 +10,7 @@ use isomark::geometry::mapping::{LengthTrueMap, Method};
 use isomark::geometry::pattern::{Affine, Pattern};
 use isomark::geometry::point_cloud::PointCloud;
 use isomark::geometry::shapes;
+use isomark::geometry::solid::round::RoundForm;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::FittedSurface;
 use isomark::geometry::surface::scan::{ScanError, ScanQuality, SmoothedScan, Smoothing};
@@ -227,6 +228,112 @@ fn random_points_all_round_a_part_are_not_seen_through() {
         let (worst, open, all) = worst_height(&scan, |x, y| (in_hole(x, y) < 3.5).then(|| -upper(x)));
         assert!(worst < 0.3 && open * 3 < all, "seed {seed}, in the hole: {worst} mm, {open} of {all}");
     }
+}
+
+/// A cylinder along y with a radius of 33 mm and 80 mm long, up to 74° to both sides of its crest, and what its radius deviates by at an
+/// angle and a place along the axis, mm.
+struct Round<'d> {
+    deviation: &'d dyn Fn(f64, f64) -> f64,
+}
+
+impl Round<'_> {
+    fn points(&self, count: usize, noise: f64, random: &mut Random) -> Vec<Point3<f64>> {
+        let mut between = |most: f64| most * (2.0 * random.uniform() - 1.0);
+        let places: Vec<[f64; 2]> = (0..count).map(|_| [between(1.3), between(40.0)]).collect();
+        let point = |&[angle, along]: &[f64; 2]| {
+            let radius = 33.0 + (self.deviation)(angle, along) + noise * random.normal();
+            Point3::new(radius * angle.sin(), along, radius * angle.cos())
+        };
+        places.iter().map(point).collect()
+    }
+
+    fn height(&self, x: f64, y: f64) -> f64 {
+        let angle = (0..20).fold(0.0, |angle, _| (x / (33.0 + (self.deviation)(angle, y))).asin());
+        (33.0 + (self.deviation)(angle, y)) * angle.cos()
+    }
+
+    /// Whether a scan is taken for a cylinder or cone, and the root mean squares of the error of its slope, as an angle, and of what is
+    /// reported as unknown of it.
+    fn judged(&self, points: Vec<Point3<f64>>) -> (bool, [f64; 2]) {
+        let cloud = PointCloud::new(points, Vec::new());
+        let scan = SmoothedScan::new(&cloud, &View::top(), Smoothing::Auto).unwrap();
+        let surface = FittedSurface::of_field(scan.field.clone()).unwrap();
+        let (mut sums, mut count) = ([0.0; 2], 0.0);
+        for (column, row, _) in scan.field.surface_nodes() {
+            let at = scan.field.position(column, row);
+            if at.x.abs() > 26.0 || at.y.abs() > 36.0 {
+                continue;
+            }
+            let difference =
+                |x: f64, y: f64| (self.height(at.x + x, at.y + y) - self.height(at.x - x, at.y - y)) / 2e-4;
+            let slope = Vector2::new(difference(1e-4, 0.0), difference(0.0, 1e-4));
+            let off = (surface.nurbs.gradient(at) - slope).norm() / (1.0 + slope.norm_squared());
+            let unknown = f64::from(scan.uncertainties[row * scan.field.size().0 + column].slope);
+            sums.iter_mut().zip([off, unknown]).for_each(|(sum, error)| *sum += error * error);
+            count += 1.0;
+        }
+        (!scan.known.is_empty(), sums.map(|sum| (sum / count).sqrt()))
+    }
+}
+
+#[test]
+fn a_cylinder_or_cone_is_recognised_at_any_noise() {
+    for seed in 0..3 {
+        for (count, noise) in [(5_000, 0.05), (20_000, 0.02), (20_000, 0.1)] {
+            for slope in [0.0, 0.1] {
+                let round = Round { deviation: &|_, along| slope * along };
+                let points = round.points(count, noise, &mut Random(seed));
+                let (is_recognised, [off, unknown]) = round.judged(points);
+                let what = format!("seed {seed}, {count}, {noise}, {slope}: {off} of {unknown}");
+                assert!(is_recognised && off < 0.02 * noise.max(0.02) && off < unknown, "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_radius_of_a_recognised_cylinder_is_known_as_well_as_is_stated() {
+    let round = Round { deviation: &|_, _| 0.0 };
+    for seed in 0..8 {
+        let cloud = PointCloud::new(round.points(5_000, 0.05, &mut Random(seed)), Vec::new());
+        let scan = SmoothedScan::new(&cloud, &View::top(), Smoothing::Auto).unwrap();
+        let [known] = &scan.known[..] else { panic!("seed {seed}: {:?}", scan.known) };
+        let RoundForm::Cylinder { radius, .. } = known.form else { panic!("seed {seed}: {known:?}") };
+        let off = (radius - 33.0).abs();
+        // Of eight values, hardly one is more than three standard deviations off.
+        assert!(
+            off < 1.5 * known.size_off && known.size_off < 0.02,
+            "seed {seed}: {off} of {}",
+            known.size_off
+        );
+    }
+}
+
+/// None is taken for a cylinder or cone if that would make slopes worse than is reported.
+#[test]
+fn what_is_not_round_is_not_taken_for_it_or_hidden_in_what_is_unknown() {
+    let (count, noise) = (20_000, 0.05);
+    let mut refused = 0;
+    for (number, share) in [0.1, 0.3, 1.0, 3.0].into_iter().enumerate() {
+        let size = share * noise;
+        let oval = |angle: f64, _: f64| 3.0 * size * (3.0 * angle).cos();
+        let barrel = |_: f64, along: f64| size * (1.0 - (along / 40.0).powi(2));
+        let bent = |angle: f64, along: f64| size * (along / 40.0).powi(2) * angle.cos();
+        let waves = |angle: f64, _: f64| size * (std::f64::consts::TAU * 33.0 * angle / 8.0).sin();
+        let dent = |angle: f64, along: f64| {
+            -3.0 * size * (-((33.0 * angle - 9.0).powi(2) + (along - 4.0).powi(2)) / 50.0).exp()
+        };
+        let deviations: [&dyn Fn(f64, f64) -> f64; 5] = [&oval, &barrel, &bent, &waves, &dent];
+        for (kind, deviation) in deviations.into_iter().enumerate() {
+            let round = Round { deviation };
+            let points = round.points(count, noise, &mut Random((number * 5 + kind) as u64));
+            let (is_recognised, [off, unknown]) = round.judged(points);
+            assert!(off < unknown, "deviation {kind} of {size}: {off} of {unknown}, {is_recognised}");
+            assert!(!is_recognised || share < 1.0, "deviation {kind} of {size} is not seen");
+            refused += usize::from(!is_recognised);
+        }
+    }
+    assert!((10..20).contains(&refused), "{refused}");
 }
 
 #[test]

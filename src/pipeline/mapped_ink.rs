@@ -115,7 +115,7 @@ pub(super) fn without_open_areas(
 }
 
 /// The errors that a drawing has on the part if `place` projects it, estimated from above. Where the part is recognised as a
-/// cylinder or cone with a radius that is determined, its surface is also known between the vertices.
+/// cylinder or cone with a radius that is determined, its surface is also known between the vertices, if it is known from a model.
 ///
 /// # Errors
 /// The place of ink that is not on the surface.
@@ -126,5 +126,6 @@ pub(super) fn measured(
     surface: &FittedSurface,
 ) -> Result<Distortion, ViewPoint> {
     let is_recognised = map.fit_residual().is_some_and(|residual| residual <= Method::EXACT_TOLERANCE);
-    quality::measure_on(surface, ink, place, !(is_recognised && map.is_determined()))
+    let is_known = is_recognised && map.is_determined() && !surface.is_measured();
+    quality::measure_on(surface, ink, place, !is_known)
 }

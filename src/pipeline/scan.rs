@@ -13,9 +13,10 @@ use crate::geometry::mesh::TriMesh;
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::shading::{self, WildNormals};
 use crate::geometry::solid::rays::{SeenFace, SeenSolid};
+use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{View, ViewPoint};
 use crate::geometry::surface::fit::{FitError, FitOptions, FittedSurface};
-use crate::geometry::surface::scan::{ScanError, SmoothedScan};
+use crate::geometry::surface::scan::{ScanError, ScanForm, SmoothedScan};
 use crate::reason::{Notice, Place, Reason};
 
 /// Noise above this is worth a warning, mm: typical of depth cameras; scanners made for parts have a tenth of it.
@@ -58,7 +59,10 @@ pub fn surface_of(
         Shape::Scan(cloud) => {
             let scan = SmoothedScan::bridged(cloud, &view, settings.smoothing, settings.bridge, &Cores)
                 .map_err(|error| scan_reason(&error, settings))?;
-            fit_scan(scan, facts, settings)
+            let known: Vec<RoundForm> = scan.known.iter().map(|known| known.form).collect();
+            facts.round_faces = known.iter().copied().map(RoundFacts::from).collect();
+            facts.notices.extend(scan.known.iter().map(recognised));
+            fit_scan(scan, facts, settings).map(|surface| surface.with_known(known))
         }
     };
     let surface = fitted.map_err(|error| checks::fit_reason(&error, settings))?;
@@ -118,7 +122,24 @@ fn fit_scan(
     let lift = surface.as_ref().ok().map(|surface| Lift::new(surface, settings));
     facts.notices.extend(notices(&found, lift));
     facts.scan = Some(found);
-    Ok(surface?.doubted(Vec::new(), scan.uncertainties))
+    Ok(surface?.doubted(Vec::new(), scan.uncertainties).measured(true))
+}
+
+/// Mentions that the points of a surface are on a cylinder or cone.
+fn recognised(known: &ScanForm) -> Notice {
+    let what = match known.form {
+        RoundForm::Cylinder { radius, .. } => {
+            format!("a cylinder with a radius of {radius:.3} mm (uncertain by {:.3} mm)", known.size_off)
+        }
+        RoundForm::Cone { half_angle, .. } => format!(
+            "a cone with an angle of {:.3} deg (uncertain by {:.3} deg) between axis and side",
+            half_angle.to_degrees(),
+            known.size_off.to_degrees()
+        ),
+    };
+    let text =
+        format!("the points do not differ from {what} by more than their noise, so the surface is this form");
+    Notice::note("scan-smoothed", text)
 }
 
 /// The surface of a mesh whose vertices scatter: that of the points of a scan, as long as it covers what the mesh does.
@@ -142,7 +163,7 @@ fn noisy_mesh(
             let uncertainties = scan.uncertainties.clone();
             let surface = fit_scan(scan, facts, settings)?;
             let field = beyond_noise(&surface, &part, noise);
-            Ok(FittedSurface::compare(surface.nurbs, field).doubted(Vec::new(), uncertainties))
+            Ok(FittedSurface::compare(surface.nurbs, field).doubted(Vec::new(), uncertainties).measured(true))
         }
         None => {
             facts.normals_used = Some(NormalsUsed::Estimated);

@@ -1966,7 +1966,7 @@ const CODES: &[Code] = &[
     notice([
         "scan-smoothed",
         "The surface was fitted through the points of a scan.",
-        "The message states how many points were used, how far they scatter, and which wavelengths were smoothed.",
+        "The message states how many points were used, how far they scatter, and which wavelengths were smoothed. Another states the cylinder or cone on which the points are, if there is one, and how uncertain its size is.",
         "Nothing to do. `smoothing` under [part] changes it.",
     ]),
     both([

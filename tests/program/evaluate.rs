@@ -23,6 +23,57 @@ fn row<'a>(evaluation: &'a Value, method: &str, variant: &str) -> &'a Value {
     found.unwrap_or_else(|| panic!("no {method}, {variant} in {evaluation:#}"))
 }
 
+/// Points of a cylinder with a radius of 33 mm along y, at random, with noise across it. The lengths of the marked lines are those of
+/// arcs and straight lines.
+#[test]
+fn a_noisy_scan_of_a_cylinder_is_unrolled_exactly() {
+    let desk = Desk::new();
+    let mut state = 11u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let mut text = String::new();
+    for _ in 0..20_000 {
+        let (angle, along) = (2.6 * random() - 1.3, 80.0 * random() - 40.0);
+        // A sum of twelve has the variance 1.
+        let radius = 33.0 + 0.05 * ((0..12).map(|_| random()).sum::<f64>() - 6.0);
+        text += &format!("{:.4} {along:.4} {:.4}\n", radius * angle.sin(), radius * angle.cos() - 33.0);
+    }
+    desk.write("can.xyz", text);
+    let abc = drawing("abc");
+    let options = "--part-unit mm --part-up z --facing +z --place 0,0 --vertices keep";
+    let report = desk.correct("can.xyz", &abc, options);
+    assert_eq!(report["map"]["method"], "cylinder", "{report:#}");
+    let notices = report["notices"].as_array().unwrap();
+    let is_stated = |notice: &Value| {
+        let message = notice["message"].as_str().unwrap();
+        message.contains("a cylinder with a radius of 33.00") && message.contains("uncertain by 0.00")
+    };
+    assert!(notices.iter().any(is_stated), "{notices:#?}");
+    let total = |pattern: &Pattern, at: &dyn Fn(f64) -> f64| -> f64 {
+        let sides = pattern.paths.iter().flat_map(|path| path.shape.segments().to_vec());
+        let fine = sides.flat_map(|side| {
+            (0..50).map(move |step| [step, step + 1].map(|step| side.point(f64::from(step) / 50.0)))
+        });
+        fine.map(|[a, b]| (at(b.x) - at(a.x)).hypot(b.y - a.y)).sum()
+    };
+    let marked = read(&desk.read("out.dxf"), &PatternOptions::default()).unwrap().pattern;
+    let drawn = read(&std::fs::read(&abc).unwrap(), &PatternOptions::default()).unwrap().pattern;
+    let round = |x: f64| 33.0 * (x / 33.0).asin();
+    let error = (total(&marked, &round) - total(&drawn, &|x| x)).abs();
+    let reported = number(&report, "/quality/after/length_error_mm");
+    assert!(error < 0.03 && error < reported && reported < 0.6, "{error} of {reported} mm");
+    let placed = "--part-unit mm --part-up z --facing +z --place 0,0";
+    let evaluation = evaluated(&desk, &["can.xyz", &abc], placed);
+    let length =
+        |method: &str, variant: &str| number(row(&evaluation, method, variant), "/quality/length_error_mm");
+    assert!(length("cylinder", "") <= length("isometric", "aim lengths") + 1e-3, "{evaluation:#}");
+    let words = ["correct", "can.xyz", &abc, "-o", "c.dxf", "--method", "cylinder"];
+    let output = desk.isomark(&words.into_iter().chain(options.split(' ')).collect::<Vec<_>>());
+    assert!(output.code == 0 && !output.err.contains("may keep lengths better"), "{}", output.err);
+}
+
 #[test]
 fn every_method_is_measured_on_the_mouse_or_has_a_reason_why_not() {
     let desk = Desk::new();

@@ -114,7 +114,8 @@ pub struct PartFacts {
     /// The faces of a STEP file by the kind of their surface; empty for other formats.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faces: Vec<FaceKind>,
-    /// The cylinders and cones of a STEP file, in the frame of the view that its surface was learned for; known after learning.
+    /// The cylinders and cones of a STEP file, or on which the points of a scan are, in the frame of the view that its surface was learned
+    /// for; known after learning.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub round_faces: Vec<RoundFacts>,
     /// Names of the bodies, in the file's order; empty if the file has no names.
@@ -142,7 +143,7 @@ pub struct FaceKind {
     pub count: usize,
 }
 
-/// A cylinder or cone of a STEP file, in the frame of the view.
+/// A cylinder or cone of a STEP file, or on which the points of a scan are, in the frame of the view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
@@ -334,7 +335,8 @@ impl PartFacts {
         MarkingFrame::new(origin_mm.into(), z.into(), x.into())
     }
 
-    /// The cylinders and cones of a STEP file, in the frame of the view that its surface was learned for.
+    /// The cylinders and cones of a STEP file, or on which the points of a scan are, in the frame of the view that its surface was learned
+    /// for.
     #[must_use]
     pub fn known_forms(&self) -> Vec<RoundForm> {
         self.round_faces.iter().filter_map(RoundFacts::form).collect()

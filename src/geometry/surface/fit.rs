@@ -117,8 +117,11 @@ pub struct FittedSurface {
     swings: Vec<(usize, Uncertainty)>,
     /// What is not known of the part at nodes near edges, in ascending order, if the surface is without what is beyond the edge.
     alone: Vec<(usize, Uncertainty)>,
-    /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
+    /// The cylinders and cones of which the part's file states that it has faces, or on which the points of a scan are, in the frame of the
+    /// view.
     known: Vec<RoundForm>,
+    /// Whether the part is known from points that scatter: then no form is known exactly.
+    is_measured: bool,
     windows: Vec<Window>,
     /// For each node, whether the part was sampled there; empty if it was at all. Others are between samples of larger spans.
     sampled: Vec<bool>,
@@ -434,6 +437,7 @@ impl FittedSurface {
             swings,
             alone,
             known,
+            is_measured: false,
             windows,
             sampled,
         };
@@ -498,12 +502,24 @@ impl FittedSurface {
         Self { alone, ..self }
     }
 
-    /// The surface of a part whose file states that it has faces on these cylinders and cones, in the frame of the view.
+    /// The surface of a part that is known from points that scatter, if it `is_measured`: what is unknown of it stays unknown on a cylinder
+    /// or cone, too.
+    pub fn measured(self, is_measured: bool) -> Self {
+        Self { is_measured, ..self }
+    }
+
+    /// Whether the part is known from points that scatter.
+    pub fn is_measured(&self) -> bool {
+        self.is_measured
+    }
+
+    /// The surface of a part whose file states that it has faces on these cylinders and cones, or whose points are on them, in the frame of
+    /// the view.
     pub fn with_known(self, known: Vec<RoundForm>) -> Self {
         Self { known, ..self }
     }
 
-    /// The cylinders and cones of which the part's file states that it has faces, in the frame of the view.
+    /// The cylinders and cones of which the part's file states that it has faces, or on which its points are, in the frame of the view.
     pub fn known(&self) -> &[RoundForm] {
         &self.known
     }

@@ -21,6 +21,8 @@ use crate::geometry::surface::nurbs::NurbsSurface;
 use cells::{Cells, is_surrounded};
 pub use error::ScanError;
 use penalised::Smoothed;
+use round::Recognised;
+pub use round::ScanForm;
 pub use smoothing::Smoothing;
 use visible::{ROUGHEST, Region};
 
@@ -30,6 +32,7 @@ mod behind;
 mod cells;
 mod visible;
 mod penalised;
+mod round;
 
 /// Maximum number of steps of the height field along its longer side, the same as for a mesh.
 const MAX_STEPS: f64 = 512.0;
@@ -60,6 +63,8 @@ pub struct SmoothedScan {
     pub uncertainties: Vec<Uncertainty>,
     /// Measurements of the scan's quality.
     pub quality: ScanQuality,
+    /// The cylinders and cones on which all points of a surface are, but for their noise. There, the field has their heights.
+    pub known: Vec<ScanForm>,
 }
 
 /// Measurements of the quality of a scan.
@@ -106,7 +111,8 @@ impl SmoothedScan {
     /// The surfaces of a scan that face the laser, smoothed.
     ///
     /// Points whose own normals face away are skipped. Of several surfaces above one another the uppermost is used,
-    /// if it has more than single points. Outliers are dropped and small gaps are bridged.
+    /// if it has more than single points. Outliers are dropped and small gaps are bridged. Where the points do not differ from a
+    /// cylinder or cone by more than their noise, the surface is that form.
     ///
     /// # Errors
     /// When there are too few points, when they are in one line, or when they form no surface; see [`ScanError`].
@@ -146,14 +152,30 @@ impl SmoothedScan {
         if regions.first().is_some_and(|region| region.noise > ROUGHEST * seen.cells.side()) {
             return Err(ScanError::NoSurface { points: points_left });
         }
-        let (field, owners) = sampled(&surfaces, &seen.cells, widest);
+        let (mut field, owners) = sampled(&surfaces, &seen.cells, widest);
         let of_surfaces: Vec<Uncertainty> =
             regions.iter().map(|region| region.uncertainty(seen.cells.spacing())).collect();
+        let recognised = |((region, smoothed), scatter): (&(Region, Smoothed), &Uncertainty)| {
+            let slope = f64::from(scatter.slope);
+            (smoothing == Smoothing::Auto)
+                .then(|| Recognised::of(region, smoothed, &seen.cells, slope))
+                .flatten()
+        };
+        let round: Vec<Option<Recognised>> =
+            start(fork, || surfaces.iter().zip(&of_surfaces).map(recognised).collect());
+        let (grid, columns) = (*field.grid(), field.size().0);
+        let on_form = |node: usize, height: f64| {
+            let form = round.get(owners[node])?.as_ref()?;
+            form.at(grid.position(node % columns, node / columns), height)
+        };
+        field.adjust(|node, height| on_form(node, height).map_or(height, |(height, _)| height));
         let at_node = |node: usize| {
             let Some((_, smoothed)) = surfaces.get(owners[node]) else { return Uncertainty::NONE };
-            let columns = field.size().0;
             let (wave, scatter) =
                 (regions[owners[node]].wave(seen.cells.spacing()), of_surfaces[owners[node]]);
+            if let Some((_, off)) = height(field.nodes()[node]).and_then(|height| on_form(node, height)) {
+                return Uncertainty::over(off as f32, wave as f32);
+            }
             let at = field.position(node % columns, node / columns);
             scatter.largest(between_points(smoothed, scatter, wave, at))
         };
@@ -169,7 +191,8 @@ impl SmoothedScan {
             step: field.step(),
             regions,
         };
-        Ok(Self { field, uncertainties, quality })
+        let known = round.iter().flatten().map(Recognised::known).collect();
+        Ok(Self { field, uncertainties, quality, known })
     }
 }
 

@@ -121,6 +121,7 @@ impl FittedSurface {
         Self::compare(nurbs, field.with_continued(&continued))
             .doubted(doubts, uncertainties)
             .with_known(self.known.clone())
+            .measured(self.is_measured)
     }
 
     /// Whether each control point is near one of the marked nodes in a rectangle, mm.

@@ -543,8 +543,10 @@ impl FittedSurface {
             false => Vec::new(),
         };
         let uncertainties = known.nodes.iter().map(|known| known.uncertainty).collect();
-        let surface =
-            Self::compare(nurbs, field).doubted(doubts, uncertainties).with_known(self.known.clone());
+        let surface = Self::compare(nurbs, field)
+            .doubted(doubts, uncertainties)
+            .with_known(self.known.clone())
+            .measured(self.is_measured);
         let sampled = known.nodes.iter().map(|known| known.is_sampled).collect();
         Some(Self { sampled, ..surface })
     }

@@ -1,0 +1,370 @@
+//! Recognises that the points of a scan are on one cylinder or cone, as far as their noise lets anybody say so.
+//!
+//! If they are, their distances from the best one are white noise: the mean of the points in a square of the view differs from zero by
+//! no more than the scatter of so many points explains, whether the square is a few points wide or as wide as the part. Sums of the
+//! squares of such means have the χ² distribution (Pearson, On the criterion that a given system of deviations …, Philosophical Magazine
+//! 1900). An oval, conical, barrel-shaped, bent or wavy part fails at the size of its deviation, scanner waves at theirs. A deviation
+//! that is too small to fail is within the doubt that [`Recognised`] states.
+
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
+
+use super::cells::Cells;
+use super::penalised::Smoothed;
+use super::visible::Region;
+use crate::geometry::cone::Cone;
+use crate::geometry::cylinder::Cylinder;
+use crate::geometry::shape_fit::fitted;
+use crate::geometry::solid::round::RoundForm;
+use crate::geometry::space::ViewPoint;
+
+/// Points on a side steeper than this are not compared, rad: there, points below the surface are hidden more often than those above
+/// it, so that their mean is not zero.
+const STEEPEST: f64 = 65.0 * PI / 180.0;
+/// Least number of points.
+const FEWEST: usize = 1000;
+/// Points for the first steps of a fit, which need no more.
+const FEW: usize = 4000;
+/// Steps of a fit to a few points, and to all.
+const STEPS: [usize; 2] = [30, 4];
+/// Normals that turn by less than this, rad, do not define an axis.
+const LEAST_TURN: f64 = 0.05;
+/// Cones slimmer or flatter than this, rad, are not distinguished from cylinders and planes.
+const LEAST_ANGLE: f64 = 0.5 * PI / 180.0;
+/// Squares that are at most so many cells wide have the scatter of their points in common.
+const ZONE: usize = 8;
+/// Values from which a scatter is known, at least.
+const LEAST_FREEDOM: f64 = 30.0;
+/// Squares of one size, at least: fewer are explained by the parameters of the fit.
+const FEWEST_SQUARES: usize = 16;
+/// Points in a square, at least.
+const IN_SQUARE: usize = 4;
+/// A sum of squares may be above its mean by so many of its standard deviations by chance.
+const BY_CHANCE: f64 = 4.5;
+/// One mean may differ from zero by so many of its standard deviations by chance, among many.
+const ONE_BY_CHANCE: f64 = 5.5;
+/// How many times the standard deviation of its parameters a form may be off.
+const OFF: f64 = 2.0;
+/// Amplitude of a wave whose mean over the half of its length is 1.
+const OF_MEAN: f64 = PI / 2.0;
+
+/// A cylinder or cone on which all points of a surface are, but for their noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ScanForm {
+    /// The form, in the frame of the view.
+    pub form: RoundForm,
+    /// By how much the radius of a cylinder, mm, or the angle between axis and side of a cone, rad, may be off because the points
+    /// scatter: two standard deviations.
+    pub size_off: f64,
+}
+
+/// A recognised form, with what is not known of it.
+pub(super) struct Recognised {
+    form: Form,
+    /// Forms that differ from it by what its parameters may be off.
+    others: Vec<Form>,
+    /// By how much its slope may differ from that of the part, rad, because a deviation is hidden in the noise.
+    hidden_slope: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Form {
+    Cylinder(Cylinder),
+    Cone(Cone),
+}
+
+impl Form {
+    fn distance(&self, point: &Point3<f64>) -> f64 {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.distance(point),
+            Self::Cone(cone) => cone.distance(point),
+        }
+    }
+
+    fn outward(&self, point: &Point3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Cylinder(cylinder) => cylinder.outward(point),
+            Self::Cone(cone) => cone.outward(point),
+        }
+    }
+
+    /// Its point on the line of sight through `at` that is nearest to a height, mm.
+    fn on_sight(&self, at: ViewPoint, height: f64) -> Option<Point3<f64>> {
+        match self {
+            Self::Cylinder(cylinder) => {
+                let [lower, upper] = cylinder.heights(at)?;
+                let z = if (lower - height).abs() < (upper - height).abs() { lower } else { upper };
+                Some(Point3::new(at.x, at.y, z))
+            }
+            Self::Cone(cone) => cone.on_sight(at, height),
+        }
+    }
+
+    fn known(&self) -> RoundForm {
+        match *self {
+            Self::Cylinder(Cylinder { center, axis, radius }) => RoundForm::Cylinder { center, axis, radius },
+            Self::Cone(Cone { apex, axis, half_angle }) => RoundForm::Cone { apex, axis, half_angle },
+        }
+    }
+}
+
+impl Recognised {
+    /// The cylinder, or else the cone, on which all used points of a surface are; `None` if there is none, or if they define it worse
+    /// than the `slope` of the smoothed surface is known, rad.
+    pub(super) fn of(region: &Region, smoothed: &Smoothed, cells: &Cells, slope: f64) -> Option<Self> {
+        let normal = |point: &Point3<f64>| {
+            let gradient = smoothed.nurbs.gradient(ViewPoint::new(point.x, point.y));
+            Vector3::new(-gradient.x, -gradient.y, 1.0).normalize()
+        };
+        let all = region.points.iter().zip(&region.cells).zip(&smoothed.is_used);
+        let used = all.filter(|(_, is_used)| **is_used).map(|((point, cell), _)| (*point, *cell));
+        let (points, places): (Vec<Point3<f64>>, Vec<usize>) =
+            used.filter(|(point, _)| normal(point).z > STEEPEST.cos()).unzip();
+        if points.len() < FEWEST || points.len() * 2 < smoothed.used {
+            return None;
+        }
+        let few: Vec<Point3<f64>> = points.iter().step_by(points.len().div_ceil(FEW)).copied().collect();
+        let normals: Vec<Vector3<f64>> = few.iter().map(normal).collect();
+        let reach = smoothed.wavelength / 2.0;
+        let judged = |form: Form, off: Vec<Form>| {
+            let found = Self { form, others: off, hidden_slope: 0.0 };
+            let off = few.iter().filter_map(|point| found.at(ViewPoint::new(point.x, point.y), point.z));
+            let off: Vec<f64> = off.map(|(_, off)| off).collect();
+            if off.is_empty() || off.iter().sum::<f64>() > slope * off.len() as f64 {
+                return None;
+            }
+            // The smoothed surface follows longer waves, and leaves as much.
+            let hidden_slope = hidden_slope(&form, &points, &places, cells, reach)?.min(slope);
+            Some(Self { hidden_slope, ..found })
+        };
+        let cylinder = first_cylinder(&few, &normals).map(|first| {
+            let few = fitted(STEPS[0], &few, first, Cylinder::distances_and_derivatives, Cylinder::moved);
+            fitted(STEPS[1], &points, few, Cylinder::distances_and_derivatives, Cylinder::moved)
+        });
+        let of_cylinder = cylinder.filter(|found| found.radius.is_finite()).and_then(|found| {
+            let steps = possible_steps(&points, found.distances_and_derivatives())?;
+            judged(
+                Form::Cylinder(found),
+                steps.iter().map(|step| Form::Cylinder(found.moved(step))).collect(),
+            )
+        });
+        of_cylinder.or_else(|| {
+            let first = first_cone(&few, &normals)?;
+            let few = fitted(STEPS[0], &few, first, Cone::distances_and_derivatives, Cone::moved);
+            let found = fitted(STEPS[1], &points, few, Cone::distances_and_derivatives, Cone::moved);
+            let is_cone = (LEAST_ANGLE..=PI / 2.0 - LEAST_ANGLE).contains(&found.half_angle);
+            let steps = is_cone.then(|| possible_steps(&points, found.distances_and_derivatives()))??;
+            judged(Form::Cone(found), steps.iter().map(|step| Form::Cone(found.moved(step))).collect())
+        })
+    }
+
+    /// The form, in the frame of the view.
+    pub(super) fn known(&self) -> ScanForm {
+        let size = |form: &Form| match form {
+            Form::Cylinder(cylinder) => cylinder.radius,
+            Form::Cone(cone) => cone.half_angle,
+        };
+        let off = self.others.iter().map(|other| (size(other) - size(&self.form)).powi(2));
+        ScanForm { form: self.form.known(), size_off: off.sum::<f64>().sqrt() }
+    }
+
+    /// Its height on a line of sight, mm, next to that of the smoothed surface, and by how much its slope may be off there, rad.
+    pub(super) fn at(&self, at: ViewPoint, near: f64) -> Option<(f64, f64)> {
+        let point = self.form.on_sight(at, near)?;
+        let normal = self.form.outward(&point);
+        let off = self.others.iter().filter_map(|other| {
+            let point = other.on_sight(at, point.z)?;
+            Some(other.outward(&point).angle(&normal).powi(2))
+        });
+        let off = off.sum::<f64>() + self.hidden_slope.powi(2);
+        Some((point.z, off.sqrt()))
+    }
+}
+
+/// The steps of the parameters of a fit that the scatter of its points leaves open, one along each of their independent directions;
+/// `None` if the points do not define them.
+fn possible_steps<const PARAMETERS: usize>(
+    points: &[Point3<f64>],
+    distance_of: impl Fn(&Point3<f64>) -> (f64, [f64; PARAMETERS]),
+) -> Option<[[f64; PARAMETERS]; PARAMETERS]> {
+    let mut matrix = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
+    let mut squares = 0.0;
+    for point in points {
+        let (distance, derivatives) = distance_of(point);
+        let derivatives = SVector::from(derivatives);
+        matrix += derivatives * derivatives.transpose();
+        squares += distance * distance;
+    }
+    let variance = squares / points.len().saturating_sub(PARAMETERS).max(1) as f64;
+    // The columns of a root of the covariance.
+    let root = (matrix.try_inverse()? * variance).cholesky()?.l();
+    let steps = std::array::from_fn(|column| std::array::from_fn(|row| OFF * root[(row, column)]));
+    root.iter().all(|value| value.is_finite()).then_some(steps)
+}
+
+/// A cylinder whose axis is perpendicular to all normals, and on which the points are as their normals say.
+fn first_cylinder(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Option<Cylinder> {
+    let spread: Matrix3<f64> = normals.iter().map(|normal| normal * normal.transpose()).sum();
+    let (axis, [thin, turn]) = thinnest(&(spread / normals.len() as f64));
+    if turn < LEAST_TURN || thin > turn / 3.0 {
+        return None;
+    }
+    let across = |vector: Vector3<f64>| vector - *axis * axis.dot(&vector);
+    let count = points.len() as f64;
+    let middle = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count;
+    let mean = normals.iter().map(|normal| across(*normal)).sum::<Vector3<f64>>() / count;
+    let (mut product, mut square) = (0.0, 0.0);
+    for (point, normal) in points.iter().zip(normals) {
+        let (p, n) = (across(point.coords - middle), across(*normal) - mean);
+        product += p.dot(&n);
+        square += n.norm_squared();
+    }
+    let radius = product / square;
+    Some(Cylinder { center: Point3::from(middle - mean * radius), axis, radius: radius.abs() })
+}
+
+/// A cone whose axis is the middle of the circle of all normals, and whose apex is on all tangent planes.
+fn first_cone(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Option<Cone> {
+    let count = normals.len() as f64;
+    let mean = normals.iter().sum::<Vector3<f64>>() / count;
+    let off = normals.iter().map(|normal| normal - mean);
+    let spread: Matrix3<f64> = off.map(|off| off * off.transpose()).sum();
+    let (axis, [thin, middle]) = thinnest(&(spread / count));
+    if middle < LEAST_TURN * FRAC_1_SQRT_2 * 0.1 || thin > middle / 3.0 {
+        return None;
+    }
+    let mut matrix = Matrix3::zeros();
+    let mut right = Vector3::zeros();
+    for (point, normal) in points.iter().zip(normals) {
+        matrix += normal * normal.transpose();
+        right += normal * normal.dot(&point.coords);
+    }
+    let apex = Point3::from(matrix.cholesky()?.solve(&right));
+    let center = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count;
+    let axis = if (center - apex.coords).dot(&axis) < 0.0 { -axis } else { axis };
+    Some(Cone { apex, axis, half_angle: mean.dot(&axis).abs().min(1.0).asin() })
+}
+
+/// The direction in which normals spread least, and how far they do in that and in the next.
+fn thinnest(spread: &Matrix3<f64>) -> (Unit<Vector3<f64>>, [f64; 2]) {
+    let eigen = spread.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
+    (axis, [order[0], order[1]].map(|index| eigen.eigenvalues[index].max(0.0).sqrt()))
+}
+
+/// Sums over the points of a square.
+#[derive(Debug, Clone, Copy, Default)]
+struct Square {
+    count: f64,
+    sum: f64,
+    squares: f64,
+    /// Of the cells in it: their number, and the sum of the squares of their sums by their numbers of points.
+    cells: f64,
+    of_cells: f64,
+}
+
+/// The largest slope, rad, of a deviation from a form that is hidden in the scatter of the points, among those whose half length is at
+/// least `reach`, mm; `None` if the distances of the points from it are not noise.
+fn hidden_slope(
+    form: &Form,
+    points: &[Point3<f64>],
+    places: &[usize],
+    cells: &Cells,
+    reach: f64,
+) -> Option<f64> {
+    let [columns, rows] = cells.size();
+    let mut narrow = vec![Square::default(); columns * rows];
+    for (point, place) in points.iter().zip(places) {
+        let distance = form.distance(point);
+        let square = &mut narrow[*place];
+        square.count += 1.0;
+        square.sum += distance;
+        square.squares += distance * distance;
+    }
+    for square in narrow.iter_mut().filter(|square| square.count > 0.0) {
+        (square.cells, square.of_cells) = (1.0, square.sum * square.sum / square.count);
+    }
+    let zones = wider(&narrow, [columns, rows], ZONE);
+    let zone_columns = columns.div_ceil(ZONE);
+    let overall = scatter(&sum_of(&zones))?;
+    // With few points, the scatter in a zone is not known better than that of all.
+    let variance = |column: usize, row: usize| {
+        let zone = zones[row * zone_columns + column];
+        let freedom = zone.count - zone.cells;
+        // The mean of the inverse of a variance from so many values is larger than its inverse.
+        scatter(&zone).map_or(overall, |variance| variance * freedom / (freedom - 2.0))
+    };
+    let count = points.len() as f64;
+    let mut largest = 0.0f64;
+    let mut width = 1;
+    loop {
+        let squares = wider(&narrow, [columns, rows], width);
+        let across = columns.div_ceil(width);
+        let (mut sum, mut number, mut off) = (0.0, 0usize, 0.0f64);
+        for (index, square) in
+            squares.iter().enumerate().filter(|(_, square)| square.count >= IN_SQUARE as f64)
+        {
+            let [column, row] = [index % across, index / across].map(|at| (at * width + width / 2) / ZONE);
+            let variance = variance(column.min(zone_columns - 1), row.min(rows.div_ceil(ZONE) - 1));
+            let score = square.sum * square.sum / (square.count * variance);
+            sum += score;
+            number += 1;
+            off = off.max(score);
+        }
+        if number < FEWEST_SQUARES {
+            return (width > 1).then_some(largest);
+        }
+        let mean = number as f64;
+        let by_chance = BY_CHANCE * (2.0 * mean).sqrt();
+        if sum > mean + by_chance || off > ONE_BY_CHANCE * ONE_BY_CHANCE {
+            return None;
+        }
+        let length = width as f64 * cells.side();
+        // A wave whose half length is between this width and twice that is seen best in these squares.
+        if 2.0 * length > reach {
+            // What is not explained by chance, and what may be by as much as that.
+            let left = ((sum - mean).max(0.0) + by_chance) * overall / count;
+            largest = largest.max(OF_MEAN * left.sqrt() * PI / length);
+        }
+        width *= 2;
+    }
+}
+
+/// The variance of points within cells, mm².
+fn scatter(square: &Square) -> Option<f64> {
+    let freedom = square.count - square.cells;
+    let variance = (square.squares - square.of_cells) / freedom;
+    (freedom >= LEAST_FREEDOM && variance > 0.0).then_some(variance)
+}
+
+/// The sums of all squares.
+fn sum_of(squares: &[Square]) -> Square {
+    squares.iter().fold(Square::default(), |mut sum, square| {
+        sum.add(square);
+        sum
+    })
+}
+
+impl Square {
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.sum += other.sum;
+        self.squares += other.squares;
+        self.cells += other.cells;
+        self.of_cells += other.of_cells;
+    }
+}
+
+/// Squares that are so many cells wide.
+fn wider(narrow: &[Square], [columns, rows]: [usize; 2], width: usize) -> Vec<Square> {
+    let across = columns.div_ceil(width);
+    let mut squares = vec![Square::default(); across * rows.div_ceil(width)];
+    for (index, square) in narrow.iter().enumerate() {
+        squares[index / columns / width * across + index % columns / width].add(square);
+    }
+    squares
+}
