@@ -336,6 +336,66 @@ fn what_is_not_round_is_not_taken_for_it_or_hidden_in_what_is_unknown() {
     assert!((10..20).contains(&refused), "{refused}");
 }
 
+/// Random points 0.42 mm apart, and a hole that is wider than the gaps that they leave by chance.
+#[test]
+fn a_hole_between_random_points_remains_a_hole() {
+    for seed in 0..12 {
+        let random = &mut Random(seed);
+        let mut along = || 30.0 * (random.uniform() - 0.5);
+        let places: Vec<[f64; 2]> = (0..5_000).map(|_| [along(), along()]).collect();
+        let from_hole = |x: f64, y: f64| (x - 3.0).hypot(y - 1.0);
+        let beside = places.into_iter().filter(|[x, y]| from_hole(*x, *y) > 2.0);
+        let points = beside.map(|[x, y]| Point3::new(x, y, 0.02 * x * y + 0.02 * random.normal())).collect();
+        let cloud = PointCloud::new(points, Vec::new());
+        let scan = SmoothedScan::new(&cloud, &View::top(), Smoothing::Auto).unwrap();
+        for (column, row, _) in scan.field.surface_nodes() {
+            let at = scan.field.position(column, row);
+            assert!(from_hole(at.x, at.y) > 0.6, "seed {seed}: {at:?}");
+        }
+    }
+}
+
+/// Half of a dome has fewer points. Where they are, there is a surface, known as well as is reported.
+#[test]
+fn points_that_are_sparse_in_one_half_are_a_surface_there() {
+    let dome = |x: f64, y: f64| -x * x / 90.0 - y * y / 160.0 + 1.2 * (x / 9.0).sin() * (y / 11.0).cos();
+    let noise = 0.03;
+    for (seed, sparse) in [(0, 3.0), (1, 3.0), (2, 5.0), (3, 5.0), (4, 10.0), (5, 10.0)] {
+        let random = &mut Random(seed);
+        let places = (0..30_000).map(|_| [60.0, 50.0].map(|side| side * (random.uniform() - 0.5)));
+        let places: Vec<[f64; 2]> = places.collect();
+        let mut points = Vec::new();
+        for [x, y] in places {
+            if x < 0.0 || random.uniform() * sparse < 1.0 {
+                points.push(Point3::new(x, y, dome(x, y) + noise * random.normal()));
+            }
+        }
+        let cloud = PointCloud::new(points, Vec::new());
+        let scan = SmoothedScan::new(&cloud, &View::top(), Smoothing::Auto).unwrap();
+        let what = format!("{sparse} times fewer, seed {seed}: {:?}", scan.quality);
+        assert!(scan.quality.dropped * 300 < scan.quality.points, "{what}");
+        let inside = |x: f64, y: f64| (x.abs() < 27.0 && y.abs() < 22.0).then(|| dome(x, y));
+        let (worst, open, all) = worst_height(&scan, inside);
+        assert!(worst < 2.0 * noise && open * 100 < all, "{worst} mm, {open} of {all}, {what}");
+        let surface = FittedSurface::of_field(scan.field.clone()).unwrap();
+        let (mut sums, mut count) = ([0.0; 2], 0.0);
+        for (column, row, _) in scan.field.surface_nodes() {
+            let at = scan.field.position(column, row);
+            if !(3.0..27.0).contains(&at.x) || at.y.abs() > 22.0 {
+                continue;
+            }
+            let difference = |x: f64, y: f64| (dome(at.x + x, at.y + y) - dome(at.x - x, at.y - y)) / 2e-4;
+            let slope = Vector2::new(difference(1e-4, 0.0), difference(0.0, 1e-4));
+            let off = (surface.nurbs.gradient(at) - slope).norm() / (1.0 + slope.norm_squared());
+            let unknown = f64::from(scan.uncertainties[row * scan.field.size().0 + column].slope);
+            sums.iter_mut().zip([off, unknown]).for_each(|(sum, error)| *sum += error * error);
+            count += 1.0;
+        }
+        let [off, unknown] = sums.map(|sum: f64| (sum / count).sqrt());
+        assert!(off < unknown, "{off} of {unknown}, {what}");
+    }
+}
+
 #[test]
 fn points_that_are_there_twice_count_once() {
     for height in [shapes::sphere as fn(f64, f64) -> f64, tube] {

@@ -28,6 +28,7 @@ use visible::{ROUGHEST, Region};
 
 mod error;
 mod smoothing;
+mod counts;
 mod behind;
 mod cells;
 mod visible;
@@ -152,7 +153,13 @@ impl SmoothedScan {
         if regions.first().is_some_and(|region| region.noise > ROUGHEST * seen.cells.side()) {
             return Err(ScanError::NoSurface { points: points_left });
         }
-        let (mut field, owners) = sampled(&surfaces, &seen.cells, widest);
+        let mut counts = vec![0; seen.cells.count()];
+        for (region, smoothed) in &surfaces {
+            let used = region.cells.iter().zip(&smoothed.is_used).filter(|(_, is_used)| **is_used);
+            used.for_each(|(cell, _)| counts[*cell] += 1);
+        }
+        let sparseness = seen.cells.sparseness(|cell| counts[cell]);
+        let (mut field, owners) = sampled(&surfaces, &seen.cells, &counts, &sparseness, widest);
         let of_surfaces: Vec<Uncertainty> =
             regions.iter().map(|region| region.uncertainty(seen.cells.spacing())).collect();
         let recognised = |((region, smoothed), scatter): (&(Region, Smoothed), &Uncertainty)| {
@@ -173,10 +180,12 @@ impl SmoothedScan {
             let Some((_, smoothed)) = surfaces.get(owners[node]) else { return Uncertainty::NONE };
             let (wave, scatter) =
                 (regions[owners[node]].wave(seen.cells.spacing()), of_surfaces[owners[node]]);
+            let at = grid.position(node % columns, node / columns);
+            let times = seen.cells.cell_at(at.coords()).map_or(1.0, |cell| sparseness[cell]);
+            let (wave, scatter) = where_sparse(times, wave, scatter);
             if let Some((_, off)) = height(field.nodes()[node]).and_then(|height| on_form(node, height)) {
                 return Uncertainty::over(off as f32, wave as f32);
             }
-            let at = field.position(node % columns, node / columns);
             scatter.largest(between_points(smoothed, scatter, wave, at))
         };
         let uncertainties = mapped(fork, owners.len(), at_node);
@@ -231,6 +240,18 @@ impl ScanRegion {
     }
 }
 
+/// The shortest wave, mm, and what a smoothing spline leaves where the points are so many `times` as far apart as usual. With the weight
+/// of its penalty, the wave that it halves grows with the third root of that, and the scatter of the slope as much. It bends the surface
+/// more, too.
+fn where_sparse(times: f64, wave: f64, Uncertainty { slope, height }: Uncertainty) -> (f64, Uncertainty) {
+    let longer = times.cbrt();
+    let left = Uncertainty {
+        slope: (f64::from(slope) * longer * longer) as f32,
+        height: (f64::from(height) * times) as f32,
+    };
+    (wave * longer, left)
+}
+
 /// The points without those at the place of one before: one measurement, or the corner of several triangles.
 fn without_copies(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     let mut places = weld(&points).into_iter();
@@ -258,18 +279,25 @@ fn between_points(smoothed: &Smoothed, scatter: Uncertainty, wave: f64, at: View
 
 /// The height field of all surfaces: nodes that have points of a surface on all sides, within `widest` mm or a few points; and for
 /// each node the number of its surface.
-fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, widest: Option<f64>) -> (HeightField, Vec<usize>) {
+fn sampled(
+    surfaces: &[(Region, Smoothed)],
+    cells: &Cells,
+    counts: &[usize],
+    sparseness: &[f64],
+    widest: Option<f64>,
+) -> (HeightField, Vec<usize>) {
     let used = |(region, smoothed): &(Region, Smoothed)| {
         let points = region.points.iter().zip(&region.cells).zip(&smoothed.is_used);
         let used = points.filter(|(_, is_used)| **is_used);
         used.map(|((point, cell), _)| (point.coords.xy(), *cell)).collect::<Vec<_>>()
     };
     let placed: Vec<Vec<(Vector2<f64>, usize)>> = surfaces.iter().map(used).collect();
-    let mut counts = vec![0; cells.count()];
-    placed.iter().flatten().for_each(|(_, cell)| counts[*cell] += 1);
     let usual = cells.spacing();
-    let local = |spacing: f64| REACH * (LOCAL_SPACING * spacing).clamp(usual, SPARSEST * usual);
-    let reaches: Vec<f64> = cells.local_spacings(&counts).into_iter().map(local).collect();
+    let local = |(spacing, times): (f64, f64)| {
+        REACH * (LOCAL_SPACING * spacing).clamp(usual, SPARSEST * usual).max(times * usual)
+    };
+    let spacings = cells.local_spacings(counts).into_iter().zip(sparseness.iter().copied());
+    let reaches: Vec<f64> = spacings.map(local).collect();
     let extents = Extents::of(placed.iter().flatten().map(|(point, _)| *point));
     let longer = extents.size().max();
     // Two samples per knot distance, as the fit uses them, but not more than for a mesh.
@@ -291,8 +319,12 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, widest: Option<f64>) 
             mark_sides(&mut sides, (point - origin) / step, [columns, rows], [reach, at_point]);
         }
         let mut covered: Vec<bool> = sides.iter().map(|sides| is_surrounded(*sides)).collect();
-        let smallest = widest.map_or(usual, |widest| widest.min(usual)) / step;
-        fill_gaps(&mut covered, columns, smallest as usize);
+        let smallest = |node: usize| {
+            let at = origin + Vector2::new((node % columns) as f64, (node / columns) as f64) * step;
+            let apart = usual * cells.cell_at(at).map_or(1.0, |cell| sparseness[cell]);
+            (widest.map_or(apart, |widest| widest.min(apart)) / step) as usize
+        };
+        fill_gaps(&mut covered, columns, smallest);
         for (index, _) in covered.iter().enumerate().filter(|(_, covered)| **covered) {
             let at = origin + Vector2::new((index % columns) as f64, (index / columns) as f64) * step;
             let jet = smoothed.nurbs.jet(at.into());
@@ -311,8 +343,9 @@ fn sampled(surfaces: &[(Region, Smoothed)], cells: &Cells, widest: Option<f64>) 
     (field, owners)
 }
 
-/// Covers the gaps of at most `most` nodes along and across: by chance, random points leave such gaps.
-fn fill_gaps(covered: &mut [bool], columns: usize, most: usize) {
+/// Covers the gaps of at most `most` nodes along and across, of which a node of the gap is given: by chance, random points leave such
+/// gaps.
+fn fill_gaps(covered: &mut [bool], columns: usize, most: impl Fn(usize) -> usize) {
     let mut is_seen = covered.to_vec();
     let (mut open, mut gap) = (Vec::new(), Vec::new());
     for start in 0..covered.len() {
@@ -338,7 +371,8 @@ fn fill_gaps(covered: &mut [bool], columns: usize, most: usize) {
         }
         let is_inside =
             low.iter().all(|low| *low > 0) && high[0] + 1 < columns && high[1] + 1 < covered.len() / columns;
-        if is_inside && low.iter().zip(high).all(|(low, high)| high - low < most) {
+        let widest = low.iter().zip(high).map(|(low, high)| high - low).max().unwrap_or(0);
+        if is_inside && widest < most(start) {
             gap.iter().for_each(|&node| covered[node] = true);
         }
     }

@@ -9,6 +9,7 @@
 use nalgebra::{Matrix3, Point3, Vector2};
 
 use super::cells::{Cells, extents_of, is_surrounded, median};
+use super::counts::Counts;
 use crate::geometry::height_field::STEEPEST_SURFACE;
 
 /// Side of a cell, in units of the mean distance between the points.
@@ -42,16 +43,16 @@ pub(super) fn behind_others(points: &[Point3<f64>], inside: &[u32]) -> Vec<bool>
     let side = CELL * (size.x * size.y / inside.len() as f64).sqrt();
     let margin = BEYOND_NOISE * noise(points, inside);
     let cells = Cells::new(points, inside, side);
-    let all = Counts::new(&cells, |_| true);
+    let all = Counts::new(cells.size(), |cell| cells.points(cell).len());
     for _ in 0..ROUNDS {
-        let left = Counts::new(&cells, |at| !behind[at as usize]);
+        let is_left = |at: &&u32| !behind[**at as usize];
+        let left = Counts::new(cells.size(), |cell| cells.points(cell).iter().filter(is_left).count());
         let mut found = Vec::new();
         for cell in 0..cells.count() {
-            let Some(reach) = left.reach(cell, AMONG) else { continue };
+            let Some(reach) = left.reach(cell, AMONG, FARTHEST) else { continue };
             if all.round(cell, reach - 1) as f64 > OF_ALL * AMONG as f64 {
                 continue;
             }
-            let is_left = |at: &&u32| !behind[**at as usize];
             for &at in cells.points(cell).iter().filter(is_left) {
                 if is_behind(&cells, points, &behind, cell, reach, at, margin) {
                     found.push(at);
@@ -104,44 +105,6 @@ fn octant(to: Vector2<f64>) -> u8 {
         (false, true) => 2 + usize::from(is_wide),
         (false, false) => 4 + usize::from(!is_wide),
         (true, false) => 6 + usize::from(is_wide),
-    }
-}
-
-/// How many points are in squares of cells, from the sums over all rectangles at a corner (Crow, Summed-area tables for texture
-/// mapping, SIGGRAPH 1984).
-struct Counts {
-    size: [usize; 2],
-    sums: Vec<u32>,
-}
-
-impl Counts {
-    fn new(cells: &Cells, is_counted: impl Fn(u32) -> bool) -> Self {
-        let [columns, rows] = cells.size();
-        let mut sums = vec![0; (columns + 1) * (rows + 1)];
-        for row in 0..rows {
-            let mut in_row = 0;
-            for column in 0..columns {
-                let inside = cells.points(row * columns + column);
-                in_row += inside.iter().filter(|at| is_counted(**at)).count() as u32;
-                sums[(row + 1) * (columns + 1) + column + 1] =
-                    sums[row * (columns + 1) + column + 1] + in_row;
-            }
-        }
-        Self { size: [columns, rows], sums }
-    }
-
-    /// The number of points within so many cells of one.
-    fn round(&self, cell: usize, reach: usize) -> usize {
-        let [columns, rows] = self.size;
-        let range = |at: usize, count: usize| [at.saturating_sub(reach), (at + reach + 1).min(count)];
-        let ([left, right], [low, high]) = (range(cell % columns, columns), range(cell / columns, rows));
-        let at = |column: usize, row: usize| self.sums[row * (columns + 1) + column];
-        (at(right, high) + at(left, low) - at(right, low) - at(left, high)) as usize
-    }
-
-    /// Within how many cells there are so many points.
-    fn reach(&self, cell: usize, among: usize) -> Option<usize> {
-        (1..=FARTHEST).find(|&reach| self.round(cell, reach) >= among)
     }
 }
 

@@ -1,7 +1,8 @@
 //! Square cells over the points of a scan, as the laser sees them.
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector2};
 
+use super::counts::Counts;
 use crate::geometry::space::Extents;
 
 /// Side of a cell in units of the point spacing: any square lattice then has a point in every cell.
@@ -10,8 +11,19 @@ pub(super) const CELL: f64 = 1.5;
 /// Ratio of the standard deviation of a normal distribution to the median of its absolute values.
 pub(super) const TO_DEVIATION: f64 = 1.482_602_218_505_602;
 
+/// The distance between points round a place follows from so many of them, at least, …
+const SHOW_SPACING: usize = 24;
+/// … within so many cells of it, but not from fewer cells than those within the first number, among which those that the edge of a hole
+/// divides hardly matter. Points that are farther apart are strays.
+const SPACING_CELLS: [usize; 2] = [5, 10];
+/// Points are sparse where they are so many times as far apart as usual. Less is chance.
+const SPARSE: f64 = 1.4;
+/// Points that are so many times as far apart as usual form no surface.
+const FARTHEST_APART: f64 = 5.0;
+
 /// Square cells over the view with the points in each, the uppermost first.
 pub(super) struct Cells {
+    origin: Vector2<f64>,
     side: f64,
     columns: usize,
     rows: usize,
@@ -42,7 +54,7 @@ impl Cells {
             let upper_first = |a: &u32, b: &u32| points[*b as usize].z.total_cmp(&points[*a as usize].z);
             order[starts[cell]..starts[cell + 1]].sort_by(upper_first);
         }
-        Self { side, columns, rows, starts, order }
+        Self { origin: extents.min, side, columns, rows, starts, order }
     }
 
     /// Distance between points, mm.
@@ -62,6 +74,33 @@ impl Cells {
             self.side * (filled as f64 / count.max(1) as f64).sqrt()
         };
         (0..self.count()).map(local).collect()
+    }
+
+    /// How many times as far apart as usual the points round each cell are, if `chosen` gives the number of points in it; 1 where they
+    /// are not notably sparse. The number of points in the cells that have some shows how many have none by chance, so that an edge
+    /// of the scan is not taken for a sparse place.
+    pub(super) fn sparseness(&self, chosen: impl Fn(usize) -> usize) -> Vec<f64> {
+        let points = Counts::new(self.size(), &chosen);
+        let filled = Counts::new(self.size(), |cell| usize::from(chosen(cell) > 0));
+        let [nearest, farthest] = SPACING_CELLS;
+        let local = |cell: usize| {
+            let Some(reach) = points.reach(cell, SHOW_SPACING, farthest) else { return 1.0 };
+            let reach = reach.max(nearest);
+            let in_filled = points.round(cell, reach) as f64 / filled.round(cell, reach) as f64;
+            let apart = CELL / mean_of_all(in_filled).sqrt();
+            if apart < SPARSE { 1.0 } else { apart.min(FARTHEST_APART) }
+        };
+        let local: Vec<f64> = (0..self.count()).map(local).collect();
+        // Beside denser points, these are among those that show the distance.
+        let largest = |cell: usize| self.square(cell, nearest).map(|near| local[near]).fold(1.0, f64::max);
+        (0..self.count()).map(largest).collect()
+    }
+
+    /// The cell in which a place of the view is.
+    pub(super) fn cell_at(&self, at: Vector2<f64>) -> Option<usize> {
+        let [column, row] = [0, 1].map(|axis| (at[axis] - self.origin[axis]) / self.side);
+        let is_inside = column >= 0.0 && row >= 0.0 && column < self.columns as f64 && row < self.rows as f64;
+        is_inside.then_some(row as usize * self.columns + column as usize)
     }
 
     /// Side of a cell, mm.
@@ -109,6 +148,17 @@ impl Cells {
         let offsets = (-1..=1).flat_map(|up| (-1..=1).map(move |right| (right, up)));
         offsets.filter_map(move |(right, up)| self.neighbour(cell, right, up))
     }
+}
+
+/// The mean number of random points in a cell, if that in the cells that have some is `in_filled`: m / (1 − exp(−m)) for a Poisson
+/// distribution.
+fn mean_of_all(in_filled: f64) -> f64 {
+    // Newton's method from above, where the function is convex.
+    (0..20).fold(in_filled, |mean, _| {
+        let empty = (-mean).exp();
+        let (value, slope) = (mean - in_filled * (1.0 - empty), 1.0 - in_filled * empty);
+        if slope > 1e-9 { (mean - value / slope).max(1e-3) } else { mean }
+    })
 }
 
 /// The extents of the points that are `inside`, in the view.

@@ -78,14 +78,14 @@ pub(super) fn separate_surfaces(points: &[Point3<f64>]) -> Result<Seen, ScanErro
     has_area(points, &inside)?;
     let behind = behind::behind_others(points, &inside);
     let inside: Vec<u32> = inside.into_iter().filter(|&at| !behind[at as usize]).collect();
-    let (cells, Look { tops: surface_tops, known, mut hidden, noise }) = resolved(points, &inside)?;
+    let (cells, Look { tops: surface_tops, known, mut hidden, noise, reaches }) = resolved(points, &inside)?;
     let surface: Vec<Cell> = (0..cells.count())
         .map(|cell| Cell {
             height: known[cell],
-            slope: slopes(&cells, &known, cell).map(|s| s * s).iter().sum::<f64>().sqrt(),
+            slope: slopes(&cells, &known, cell, reaches[cell]).map(|s| s * s).iter().sum::<f64>().sqrt(),
         })
         .collect();
-    let labels = connected(&cells, &surface, noise);
+    let labels = connected(&cells, &surface, &reaches, noise);
     hide_steep(&cells, &surface, &labels, &mut hidden);
     let regions = regions(&cells, points, &labels, &surface_tops, &hidden);
     if regions.is_empty() {
@@ -105,6 +105,8 @@ struct Look {
     hidden: Vec<bool>,
     /// Deviation of the heights from those round them, mm: no less than the noise.
     noise: f64,
+    /// For each cell, within how many cells the next points are: more than 1 where they are sparse.
+    reaches: Vec<usize>,
 }
 
 /// Cells that are as wide as the visible points require, and what they show.
@@ -128,8 +130,11 @@ fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
     let mut counts: Vec<f64> =
         (0..cells.count()).map(|cell| cells.points(cell).len() as f64).filter(|count| *count > 0.0).collect();
     let usual = median(&mut counts).unwrap_or(0.0);
-    let mut tops: Vec<f64> =
-        (0..cells.count()).map(|cell| supported_top(cells, points, cell, noise, usual)).collect();
+    let sparseness = cells.sparseness(|cell| cells.points(cell).len());
+    let reaches: Vec<usize> = sparseness.iter().map(|times| times.ceil() as usize).collect();
+    let mut tops: Vec<f64> = (0..cells.count())
+        .map(|cell| supported_top(cells, points, cell, reaches[cell], noise, usual))
+        .collect();
     let mut hidden = vec![false; points.len()];
     let gaps: Vec<usize> = (0..cells.count()).filter(|&cell| is_gap(cells, &tops, cell, noise)).collect();
     for cell in gaps {
@@ -140,7 +145,7 @@ fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
     let mut seen = Vec::new();
     for cell in 0..cells.count() {
         let top = tops[cell];
-        let [along, across] = slopes(cells, &tops, cell);
+        let [along, across] = slopes(cells, &tops, cell, reaches[cell]);
         let lowest = top - (1.25 * (along + across) + 0.3) * cells.side() - BEYOND_NOISE * noise;
         seen.clear();
         for &at in cells.points(cell) {
@@ -153,7 +158,7 @@ fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
         }
         known.push(seen.get(seen.len() / 2).copied().unwrap_or(f64::NAN));
     }
-    Ok(Look { tops, known, hidden, noise })
+    Ok(Look { tops, known, hidden, noise, reaches })
 }
 
 /// Whether nearly all cells round a cell are above it by more than a surface climbs: then it has no point of that surface.
@@ -271,15 +276,24 @@ fn roughness(cells: &Cells, heights: &[f64]) -> f64 {
 
 /// The uppermost point of a cell that has enough points near its height round it; NaN if there is none.
 ///
-/// `usual` is the number of points in most cells.
-fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64, usual: f64) -> f64 {
-    let near = 1.2 * cells.side() + BEYOND_NOISE * noise;
-    let around: f64 =
-        cells.window(cell).map(|cell| (cells.points(cell).len() as f64).min(MOST_OF_USUAL * usual)).sum();
+/// `usual` is the number of points in most cells; the points round it are within `reach` cells.
+fn supported_top(
+    cells: &Cells,
+    points: &[Point3<f64>],
+    cell: usize,
+    reach: usize,
+    noise: f64,
+    usual: f64,
+) -> f64 {
+    let near = 1.2 * cells.side() * reach as f64 + BEYOND_NOISE * noise;
+    let around: f64 = cells
+        .square(cell, reach)
+        .map(|cell| (cells.points(cell).len() as f64).min(MOST_OF_USUAL * usual))
+        .sum();
     let needed = (SUPPORT * around).max(2.0);
     let height = |at: u32| points[at as usize].z;
     let is_supported = |&top: &f64| {
-        let supporters = cells.window(cell).map(|cell| {
+        let supporters = cells.square(cell, reach).map(|cell| {
             let inside = cells.points(cell);
             let above = inside.partition_point(|&at| height(at) > top + near);
             inside.partition_point(|&at| height(at) >= top - near) - above
@@ -290,20 +304,25 @@ fn supported_top(cells: &Cells, points: &[Point3<f64>], cell: usize, noise: f64,
     cells.points(cell).iter().map(|&at| height(at)).find(is_supported).unwrap_or(f64::NAN)
 }
 
-/// Slopes along x and y, each towards the flatter side, so that a cliff beside the cell is ignored; 0 if unknown.
-fn slopes(cells: &Cells, heights: &[f64], cell: usize) -> [f64; 2] {
+/// Slopes along x and y, each towards the flatter side, so that a cliff beside the cell is ignored; 0 if unknown. The next height is
+/// within `reach` cells.
+fn slopes(cells: &Cells, heights: &[f64], cell: usize, reach: usize) -> [f64; 2] {
     [(1, 0), (0, 1)].map(|(right, up)| {
         let sides = [(right, up), (-right, -up)];
         let climbs = sides.into_iter().filter_map(|(right, up)| {
-            let climb = heights[cells.neighbour(cell, right, up)?] - heights[cell];
-            climb.is_finite().then(|| climb.abs() / cells.side())
+            let climb = |steps: usize| {
+                let away = steps as isize;
+                let climb = heights[cells.neighbour(cell, away * right, away * up)?] - heights[cell];
+                climb.is_finite().then(|| climb.abs() / (cells.side() * steps as f64))
+            };
+            (1..=reach).find_map(climb)
         });
         climbs.reduce(f64::min).unwrap_or(0.0)
     })
 }
 
 /// A label for each cell, from 1: cells of one surface have the same label; 0 for cells without a surface.
-fn connected(cells: &Cells, surface: &[Cell], noise: f64) -> Vec<u32> {
+fn connected(cells: &Cells, surface: &[Cell], reaches: &[usize], noise: f64) -> Vec<u32> {
     // As between nodes of a height field: a smooth surface climbs no faster than its slopes, plus a margin for
     // curvature. The smaller slope is used, because an outlier is steep on all sides.
     let joined = |a: Cell, b: Cell, distance: f64| {
@@ -322,11 +341,13 @@ fn connected(cells: &Cells, surface: &[Cell], noise: f64) -> Vec<u32> {
         open.push(start);
         while let Some(cell) = open.pop() {
             for (right, up) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
-                let near = cells.neighbour(cell, right, up).map(|near| (near, 1.0));
                 // An empty cell is a missing point, not a border.
-                let next = near
-                    .filter(|(near, _)| !surface[*near].height.is_nan())
-                    .or_else(|| cells.neighbour(cell, 2 * right, 2 * up).map(|far| (far, 2.0)));
+                let seen = |steps: usize| {
+                    let away = steps as isize;
+                    let next = cells.neighbour(cell, away * right, away * up)?;
+                    (!surface[next].height.is_nan()).then_some((next, steps as f64))
+                };
+                let next = (1..=2 * reaches[cell]).find_map(seen);
                 let Some((next, distance)) = next else { continue };
                 if labels[next] == 0 && joined(surface[cell], surface[next], distance) {
                     labels[next] = last;
