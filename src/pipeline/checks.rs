@@ -17,7 +17,7 @@ use nalgebra::Vector2;
 
 use super::{CachedSurface, Ink, JobSettings, LengthTrueMap, PartSettings, Pattern, PatternFacts, Sku};
 use crate::config::{Align, Losses, OutsideMark, ViewSource, parse_facing};
-use crate::formats::mesh::{PartFacts, SideFacts};
+use crate::formats::mesh::{PartFacts, ScanFacts, SideFacts};
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::normal_equations::SolveError;
 use crate::geometry::optics::Lens;
@@ -42,6 +42,8 @@ const NOTABLE_SKEW: f64 = 0.5;
 const FRAME_INSIDE: f64 = 1.0;
 /// A marking frame this far above the surface may be meant for another place, mm.
 const FRAME_ABOVE: f64 = 10.0;
+/// A share of the points of a scan above this is mentioned if it was dropped and there is no surface under the drawing.
+const NOTABLE_DROPPED: f64 = 0.005;
 /// A drawing this many times as long as the part has stray lines or another unit.
 const STRAY: f64 = 3.0;
 
@@ -477,6 +479,14 @@ pub(super) fn off_surface(at: ViewPoint, part: &CachedSurface, drawn: &Extents) 
         false => "Move the drawing (`place_mm`, `--place`), make it smaller, or check which side of the part faces the \
                   laser (`facing`)."
             .to_owned(),
+    };
+    let dropped = |scan: &&ScanFacts| scan.dropped as f64 > NOTABLE_DROPPED * scan.points as f64;
+    let remedy = match part.facts.scan.as_ref().filter(dropped) {
+        Some(ScanFacts { points, dropped, .. }) => format!(
+            "{remedy} {dropped} of {points} points of the scan were dropped as outliers or strays: if the part is where they are, scan \
+             it again with points there that are as close as elsewhere."
+        ),
+        None => remedy,
     };
     Reason::new(
         "off-surface",

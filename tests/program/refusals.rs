@@ -815,3 +815,22 @@ fn a_station_whose_share_is_not_mounted() {
     let listed = desk.isomark(&["cache", "--station", "station.toml", "--cache", "mine", "list"]);
     assert_eq!(listed.code, 0, "{}", listed.err);
 }
+
+/// The points of one half of a plate are ten times as far apart as those of the other, so that they are taken for strays.
+#[test]
+fn a_drawing_over_dropped_points_of_a_scan_is_refused_with_their_number() {
+    let desk = Desk::new();
+    let half = |first: f64, columns: u32, rows: u32, apart: f64| -> String {
+        let places = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+        let line = |(column, row)| {
+            format!("{:.2} {:.2} 0\n", first + f64::from(column) * apart, f64::from(row) * apart - 20.0)
+        };
+        places.map(line).collect()
+    };
+    desk.write("plate.xyz", half(0.0, 151, 201, 0.2) + &half(-30.0, 15, 21, 2.0));
+    let options = "--part-unit mm --part-up z --facing +z --place 0,0 -o out.dxf";
+    let abc = drawing("abc");
+    let words = ["correct", "plate.xyz", &abc].into_iter().chain(options.split(' '));
+    let output = desk.isomark(&words.collect::<Vec<_>>());
+    output.refused(1, &["off-surface", "of 30666 points of the scan were dropped", "scan it again"]);
+}
