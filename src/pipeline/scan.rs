@@ -162,7 +162,8 @@ fn noisy_mesh(
             let noise = facts.noise.map_or(0.0, |noise| noise.noise_mm);
             let uncertainties = scan.uncertainties.clone();
             let surface = fit_scan(scan, facts, settings)?;
-            let field = beyond_noise(&surface, &part, noise);
+            let facets = FacingPart::with_fork(&mesh.clone().with_flat_facets(), &view, &Cores);
+            let field = beyond_noise(&surface, [&part, &facets], noise);
             Ok(FittedSurface::compare(surface.nurbs, field).doubted(Vec::new(), uncertainties).measured(true))
         }
         None => {
@@ -175,16 +176,18 @@ fn noisy_mesh(
 }
 
 /// The smoothed heights, and where the mesh is farther from them than its noise explains, as at edges that were rounded, those
-/// of the mesh less its noise: what a drawing there is checked against.
-fn beyond_noise(surface: &FittedSurface, part: &FacingPart, noise: f64) -> HeightField {
-    let sampled = part.sample(surface.field.grid()).field;
+/// of the mesh less its noise: what a drawing there is checked against. Of the `seen` curved patches, which noise bends, and flat
+/// facets, which curvature leaves, the nearer ones count.
+fn beyond_noise(surface: &FittedSurface, seen: [&FacingPart; 2], noise: f64) -> HeightField {
+    let sampled = seen.map(|part| part.sample(surface.field.grid()).field);
     let mut field = surface.field.clone();
-    field.adjust(|index, height| match sampled.nodes().get(index) {
-        Some(Node::Surface(of_mesh)) => {
-            let difference = of_mesh - height;
-            height + difference.signum() * (difference.abs() - NOISE_REACH * noise).max(0.0)
-        }
-        _ => height,
+    field.adjust(|index, height| {
+        let of_mesh = sampled.each_ref().map(|field| match field.nodes().get(index) {
+            Some(Node::Surface(of_mesh)) => Some(of_mesh - height),
+            _ => None,
+        });
+        let nearest = of_mesh.into_iter().flatten().min_by(|one, other| one.abs().total_cmp(&other.abs()));
+        nearest.map_or(height, |off| height + off.signum() * (off.abs() - NOISE_REACH * noise).max(0.0))
     });
     field
 }

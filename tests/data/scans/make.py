@@ -69,13 +69,17 @@ solid.save("can-numpy-stl-text.stl", mode=Mode.ASCII)
 meshio.Mesh(can, [("triangle", faces)]).write("can-meshio.ply", binary=False)
 trimesh.Trimesh(can, faces, process=False).export("can-trimesh.ply", vertex_normal=True)
 
-# A scanned mesh whose triangles were reduced to a third: a cylinder of radius 30 mm along x, its top at z = 30, with noise of
-# 0.03 mm.
-x, y = np.meshgrid(np.linspace(-24, 24, 97), np.linspace(-18, 18, 73))
-z = np.sqrt(30**2 - y**2) + 0.03 * np.random.default_rng(1).normal(size=x.shape)
-noisy = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-corner = np.arange(x.size).reshape(x.shape)
-a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
-faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-noisy, faces = fast_simplification.simplify(noisy.astype(np.float32), faces.astype(np.int32), 0.7)
-trimesh.Trimesh(noisy, faces, process=False).export("cylinder-reduced.ply", vertex_normal=False)
+# Scanned meshes with noise whose triangles were reduced: a cylinder of radius 30 mm along x with 0.03 mm of noise, and a sphere of
+# radius 50 mm with 0.01 mm, both about the origin.
+for name, size, radius, along, noise, seed, share in [
+    ("cylinder", [48, 36], 30, 0, 0.03, 1, 0.7),
+    ("sphere", [36, 30], 50, 1, 0.01, 14, 0.8),
+]:
+    x, y = np.meshgrid(*(np.linspace(-length / 2, length / 2, 2 * length + 1) for length in size))
+    z = np.sqrt(radius**2 - along * x**2 - y**2) + noise * np.random.default_rng(seed).normal(size=x.shape)
+    noisy = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    corner = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
+    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    noisy, faces = fast_simplification.simplify(noisy.astype(np.float32), faces.astype(np.int32), share)
+    trimesh.Trimesh(noisy, faces, process=False).export(f"{name}-reduced.ply", vertex_normal=False)
