@@ -998,7 +998,7 @@ mod tests {
         let key = |settings: &PartSettings| {
             CacheKey::new("ab12", &canonical::surface(settings, &FitOptions::default())).0
         };
-        // BLAKE3 from another program: of "isomark fit 35", "ab12" and the pinned text of the settings, one per line.
+        // BLAKE3 from another program: of "isomark fit 37", "ab12" and the pinned text of the settings, one per line.
         assert_eq!(key(&PartSettings::default()), "8d477f53e23382978b4e8f317cf32d07");
         assert_eq!(key(&everything().part), "ed8a687fede258dfdc01f2ba3867215d");
     }

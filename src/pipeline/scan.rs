@@ -61,7 +61,6 @@ pub fn surface_of(
                 .map_err(|error| scan_reason(&error, settings))?;
             let known: Vec<RoundForm> = scan.known.iter().map(|known| known.form).collect();
             facts.round_faces = known.iter().copied().map(RoundFacts::from).collect();
-            facts.notices.extend(scan.known.iter().map(recognised));
             fit_scan(scan, facts, settings).map(|surface| surface.with_known(known))
         }
     };
@@ -120,6 +119,7 @@ fn fit_scan(
     let found = ScanFacts::new(&scan.quality, settings.smoothing);
     let surface = FittedSurface::of_field(scan.field);
     let lift = surface.as_ref().ok().map(|surface| Lift::new(surface, settings));
+    facts.notices.extend(scan.known.iter().map(recognised));
     facts.notices.extend(notices(&found, lift));
     facts.scan = Some(found);
     Ok(surface?.doubted(Vec::new(), scan.uncertainties).measured(true))

@@ -180,10 +180,10 @@ impl LengthTrueMap {
             }
             Method::Auto { exact_tolerance, otherwise } => {
                 let ink = coarse_ink(pattern, is_marked);
-                // What the part's file names comes first. Then the cylinder: every cylinder is nearly a cone with a far apex.
-                let from_file = (!surface.known().is_empty()).then_some(ON_FACE);
+                // What the part's file names, or its points are on, comes first. Then the cylinder: every cylinder is nearly a cone with a far apex.
+                let stated = (!surface.known().is_empty()).then_some(ON_FACE);
                 let found = exact_tolerance.min(EXACT_SHARE * ink.extents.size().norm());
-                for tolerance in from_file.into_iter().chain([found]) {
+                for tolerance in stated.into_iter().chain([found]) {
                     for exact in [Self::unroll_cylinder, Self::unroll_cone] {
                         if let Ok(map) = exact(surface, &ink, anchor, Some(tolerance))
                             && map.fit_residual().is_some_and(|residual| residual <= tolerance)

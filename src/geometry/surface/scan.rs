@@ -184,7 +184,7 @@ impl SmoothedScan {
             let times = seen.cells.cell_at(at.coords()).map_or(1.0, |cell| sparseness[cell]);
             let (wave, scatter) = where_sparse(times, wave, scatter);
             if let Some((_, off)) = height(field.nodes()[node]).and_then(|height| on_form(node, height)) {
-                return Uncertainty::over(off as f32, wave as f32);
+                return Uncertainty::over((off * times) as f32, wave as f32);
             }
             scatter.largest(between_points(smoothed, scatter, wave, at))
         };

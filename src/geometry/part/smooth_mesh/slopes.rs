@@ -40,6 +40,8 @@ const OF_SCATTER: f64 = 1.0;
 /// The same with exact normals: their vertices are on the part, and what seems to be scatter is curvature that the mesh is too
 /// coarse for.
 const OF_EXACT_SCATTER: f64 = 0.2;
+/// Larger standard deviations of the rounding, mm, are those of models whose vertices are on whole numbers.
+const MOST_ROUNDING: f64 = 0.03;
 /// The error of the slope over a triangle in terms of that which the rounding of its corners has on average.
 const OF_ROUNDING: f64 = 1.4;
 /// The error of the slope over a triangle as a share of the standard deviation of the normals at its corners.
@@ -277,7 +279,7 @@ impl SmoothMesh {
         let [a, b, c] = self.corners(triangle).0;
         let squares = [b - a, c - b, a - c].map(|side| side.norm_squared());
         let area = (b - a).cross(&(c - a)).norm();
-        if area > 0.0 {
+        if area > 0.0 && self.rounding < MOST_ROUNDING {
             OF_ROUNDING * self.rounding * squares.into_iter().sum::<f64>().sqrt() / area
         } else {
             0.0

@@ -1,8 +1,8 @@
-//! The round surfaces that a part's file names.
+//! The round surfaces that a part's file names, or on which the points of a scan are.
 
 use nalgebra::{Point3, Unit, Vector3};
 
-/// A cylinder or a cone of which a part's file states that it has a face.
+/// A cylinder or a cone of which a part's file states that it has a face, or on which the points of a scan are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RoundForm {
     /// A cylinder.

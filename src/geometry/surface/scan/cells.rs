@@ -11,14 +11,14 @@ pub(super) const CELL: f64 = 1.5;
 /// Ratio of the standard deviation of a normal distribution to the median of its absolute values.
 pub(super) const TO_DEVIATION: f64 = 1.482_602_218_505_602;
 
-/// The distance between points round a place follows from so many of them, at least, …
+/// The distance between points round a place follows from so many of them, at least.
 const SHOW_SPACING: usize = 24;
-/// … within so many cells of it, but not from fewer cells than those within the first number, among which those that the edge of a hole
-/// divides hardly matter. Points that are farther apart are strays.
+/// They are looked for within so many cells of the place, from the first number to the second. Within the first, the cells that the
+/// edge of a hole divides hardly matter; beyond the second, points are strays.
 const SPACING_CELLS: [usize; 2] = [5, 10];
 /// Points are sparse where they are so many times as far apart as usual. Less is chance.
 const SPARSE: f64 = 1.4;
-/// Points that are so many times as far apart as usual form no surface.
+/// No gap is taken for one between points that are farther apart than so many times as far as usual.
 const FARTHEST_APART: f64 = 5.0;
 
 /// Square cells over the view with the points in each, the uppermost first.
@@ -77,22 +77,36 @@ impl Cells {
     }
 
     /// How many times as far apart as usual the points round each cell are, if `chosen` gives the number of points in it; 1 where they
-    /// are not notably sparse. The number of points in the cells that have some shows how many have none by chance, so that an edge
-    /// of the scan is not taken for a sparse place.
+    /// are not notably sparse. The number of random points in the cells that have some shows how many have none by chance, so that an edge
+    /// of the scan is not taken for a sparse place. Points of a lattice leave none by chance: there are at least as many as in the
+    /// cells at and beside points on average.
     pub(super) fn sparseness(&self, chosen: impl Fn(usize) -> usize) -> Vec<f64> {
         let points = Counts::new(self.size(), &chosen);
         let filled = Counts::new(self.size(), |cell| usize::from(chosen(cell) > 0));
+        let is_beside = |cell: usize| self.window(cell).any(|near| chosen(near) > 0);
+        let beside = Counts::new(self.size(), |cell| usize::from(is_beside(cell)));
         let [nearest, farthest] = SPACING_CELLS;
         let local = |cell: usize| {
             let Some(reach) = points.reach(cell, SHOW_SPACING, farthest) else { return 1.0 };
             let reach = reach.max(nearest);
-            let in_filled = points.round(cell, reach) as f64 / filled.round(cell, reach) as f64;
-            let apart = CELL / mean_of_all(in_filled).sqrt();
+            let count = points.round(cell, reach) as f64;
+            let by_chance = mean_of_all(count / filled.round(cell, reach) as f64);
+            let apart = CELL / by_chance.max(count / beside.round(cell, reach) as f64).sqrt();
             if apart < SPARSE { 1.0 } else { apart.min(FARTHEST_APART) }
         };
         let local: Vec<f64> = (0..self.count()).map(local).collect();
         // Beside denser points, these are among those that show the distance.
-        let largest = |cell: usize| self.square(cell, nearest).map(|near| local[near]).fold(1.0, f64::max);
+        let largest_in_row = |cell: usize| {
+            let (row, column) = (cell - cell % self.columns, cell % self.columns);
+            let range = row + column.saturating_sub(nearest)..row + (column + nearest + 1).min(self.columns);
+            local[range].iter().copied().fold(1.0, f64::max)
+        };
+        let in_rows: Vec<f64> = (0..self.count()).map(largest_in_row).collect();
+        let largest = |cell: usize| {
+            let (row, column) = (cell / self.columns, cell % self.columns);
+            let rows = row.saturating_sub(nearest)..(row + nearest + 1).min(self.rows);
+            rows.map(|row| in_rows[row * self.columns + column]).fold(1.0, f64::max)
+        };
         (0..self.count()).map(largest).collect()
     }
 

@@ -24,11 +24,16 @@ impl Counts {
 
     /// The sum within so many cells of one.
     pub(super) fn round(&self, cell: usize, reach: usize) -> usize {
+        let [[left, right], [low, high]] = self.range(cell, reach);
+        let at = |column: usize, row: usize| self.sums[row * (self.size[0] + 1) + column];
+        (at(right, high) + at(left, low) - at(right, low) - at(left, high)) as usize
+    }
+
+    /// The first column and the one after the last, and the same of the rows, within so many cells of one.
+    fn range(&self, cell: usize, reach: usize) -> [[usize; 2]; 2] {
         let [columns, rows] = self.size;
         let range = |at: usize, count: usize| [at.saturating_sub(reach), (at + reach + 1).min(count)];
-        let ([left, right], [low, high]) = (range(cell % columns, columns), range(cell / columns, rows));
-        let at = |column: usize, row: usize| self.sums[row * (columns + 1) + column];
-        (at(right, high) + at(left, low) - at(right, low) - at(left, high)) as usize
+        [range(cell % columns, columns), range(cell / columns, rows)]
     }
 
     /// Within how many cells, up to the `farthest`, the sum is at least so large.

@@ -45,7 +45,11 @@ const BY_CHANCE: f64 = 4.5;
 /// One mean may differ from zero by so many of its standard deviations by chance, among many.
 const ONE_BY_CHANCE: f64 = 5.5;
 /// How many times the standard deviation of its parameters a form may be off.
-const OFF: f64 = 2.0;
+const OFF: f64 = 2.5;
+/// A form is used if what may be hidden in the noise is at most so many times what a smoothed surface leaves: this follows long waves.
+const MOST_HIDDEN: f64 = 3.0;
+/// What is hidden adds at most so many standard deviations to the sum of squares.
+const HIDDEN: f64 = 2.0;
 /// Amplitude of a wave whose mean over the half of its length is 1.
 const OF_MEAN: f64 = PI / 2.0;
 
@@ -56,7 +60,7 @@ pub struct ScanForm {
     /// The form, in the frame of the view.
     pub form: RoundForm,
     /// By how much the radius of a cylinder, mm, or the angle between axis and side of a cone, rad, may be off because the points
-    /// scatter: two standard deviations.
+    /// scatter: two and a half standard deviations.
     pub size_off: f64,
 }
 
@@ -135,9 +139,8 @@ impl Recognised {
             if off.is_empty() || off.iter().sum::<f64>() > slope * off.len() as f64 {
                 return None;
             }
-            // The smoothed surface follows longer waves, and leaves as much.
-            let hidden_slope = hidden_slope(&form, &points, &places, cells, reach)?.min(slope);
-            Some(Self { hidden_slope, ..found })
+            let hidden_slope = hidden_slope(&form, &points, &places, cells, reach)?;
+            (hidden_slope <= MOST_HIDDEN * slope).then_some(Self { hidden_slope, ..found })
         };
         let cylinder = first_cylinder(&few, &normals).map(|first| {
             let few = fitted(STEPS[0], &few, first, Cylinder::distances_and_derivatives, Cylinder::moved);
@@ -267,8 +270,8 @@ struct Square {
     of_cells: f64,
 }
 
-/// The largest slope, rad, of a deviation from a form that is hidden in the scatter of the points, among those whose half length is at
-/// least `reach`, mm; `None` if the distances of the points from it are not noise.
+/// The largest slope, rad, of a deviation from a form that is hidden in the scatter of the points, among those whose half length is about
+/// `reach`, mm, or more; `None` if the distances of the points from it are not noise, or if none of these waves can be seen.
 fn hidden_slope(
     form: &Form,
     points: &[Point3<f64>],
@@ -298,13 +301,12 @@ fn hidden_slope(
         // The mean of the inverse of a variance from so many values is larger than its inverse.
         scatter(&zone).map_or(overall, |variance| variance * freedom / (freedom - 2.0))
     };
-    let count = points.len() as f64;
     let mut largest = 0.0f64;
     let mut width = 1;
     loop {
         let squares = wider(&narrow, [columns, rows], width);
         let across = columns.div_ceil(width);
-        let (mut sum, mut number, mut off) = (0.0, 0usize, 0.0f64);
+        let (mut sum, mut number, mut off, mut count) = (0.0, 0usize, 0.0f64, 0.0);
         for (index, square) in
             squares.iter().enumerate().filter(|(_, square)| square.count >= IN_SQUARE as f64)
         {
@@ -313,10 +315,11 @@ fn hidden_slope(
             let score = square.sum * square.sum / (square.count * variance);
             sum += score;
             number += 1;
+            count += square.count;
             off = off.max(score);
         }
         if number < FEWEST_SQUARES {
-            return (width > 1).then_some(largest);
+            return (largest > 0.0).then_some(largest);
         }
         let mean = number as f64;
         let by_chance = BY_CHANCE * (2.0 * mean).sqrt();
@@ -327,7 +330,8 @@ fn hidden_slope(
         // A wave whose half length is between this width and twice that is seen best in these squares.
         if 2.0 * length > reach {
             // What is not explained by chance, and what may be by as much as that.
-            let left = ((sum - mean).max(0.0) + by_chance) * overall / count;
+            let hidden = HIDDEN * (2.0 * mean).sqrt();
+            let left = ((sum - mean).max(0.0) + hidden) * overall / count;
             largest = largest.max(OF_MEAN * left.sqrt() * PI / length);
         }
         width *= 2;
