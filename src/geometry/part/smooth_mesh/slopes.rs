@@ -40,8 +40,9 @@ const OF_SCATTER: f64 = 1.0;
 /// The same with exact normals: their vertices are on the part, and what seems to be scatter is curvature that the mesh is too
 /// coarse for.
 const OF_EXACT_SCATTER: f64 = 0.2;
-/// Larger standard deviations of the rounding, mm, are those of models whose vertices are on whole numbers.
-const MOST_ROUNDING: f64 = 0.03;
+/// Larger standard deviations of the rounding, mm, are those of models whose vertices are on whole numbers; this is beyond that of
+/// a hundredth of an inch.
+const MOST_ROUNDING: f64 = 0.08;
 /// The error of the slope over a triangle in terms of that which the rounding of its corners has on average.
 const OF_ROUNDING: f64 = 1.4;
 /// The error of the slope over a triangle as a share of the standard deviation of the normals at its corners.

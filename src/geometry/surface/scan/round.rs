@@ -115,8 +115,8 @@ impl Form {
 }
 
 impl Recognised {
-    /// The cylinder, or else the cone, on which all used points of a surface are; `None` if there is none, or if they define it worse
-    /// than the `slope` of the smoothed surface is known, rad.
+    /// The cylinder, or else the cone, on which all used points of a surface are; `None` if there is none, if they define it worse than
+    /// the `slope` of the smoothed surface is known, rad, or if their noise may hide much more than that.
     pub(super) fn of(region: &Region, smoothed: &Smoothed, cells: &Cells, slope: f64) -> Option<Self> {
         let normal = |point: &Point3<f64>| {
             let gradient = smoothed.nurbs.gradient(ViewPoint::new(point.x, point.y));
