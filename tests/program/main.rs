@@ -38,6 +38,7 @@ mod inspect_and_diff;
 mod station;
 mod control;
 mod page;
+mod report_page;
 mod demo;
 mod evaluate;
 mod explain;

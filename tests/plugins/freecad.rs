@@ -1,10 +1,7 @@
 //! The FreeCAD workbench of `plugins/freecad` works with this program, in FreeCAD itself: without a window (`freecadcmd`), and
 //! in a window on an X server without a screen.
 //!
-//! The scripts in `tests/freecad` contain the checks; each prints a line per check and ends with a code.
-
-#![cfg(target_os = "linux")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
+//! The scripts in `freecad/` contain the checks; each prints a line per check and ends with a code.
 
 use std::io::Read;
 use std::path::Path;
@@ -13,10 +10,8 @@ use std::time::{Duration, Instant};
 
 use fs_err as fs;
 
-use ezdxf::{assert_clean, judged};
-
-mod ezdxf;
-mod khronos;
+use crate::ezdxf::{assert_clean, judged};
+use crate::khronos;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 /// The longest time that a script may take; on an idle machine, none takes a fifth of it.
@@ -75,7 +70,7 @@ fn without_window(script: &str) -> Option<tempfile::TempDir> {
     let freecad = installed(&["freecadcmd", "FreeCADCmd"])?;
     let home = tempfile::tempdir().unwrap();
     let mut command = Command::new(freecad);
-    command.arg(format!("{ROOT}/tests/freecad/{script}")).env("ISOMARK_FILES", home.path());
+    command.arg(format!("{ROOT}/tests/plugins/freecad/{script}")).env("ISOMARK_FILES", home.path());
     succeeds(&mut command, home.path());
     Some(home)
 }
@@ -122,7 +117,7 @@ fn the_workbench_works_in_a_window() {
     let home = tempfile::tempdir().unwrap();
     copy(&Path::new(ROOT).join("plugins/freecad"), &home.path().join("Mod/isomark"));
     // Without a window manager, dialogs get no focus.
-    let inside = format!("openbox & exec {freecad} {ROOT}/tests/freecad/window.py");
+    let inside = format!("openbox & exec {freecad} {ROOT}/tests/plugins/freecad/window.py");
     let mut command = Command::new("xvfb-run");
     command.args(["-a", "-s", "-screen 0 1440x1000x24", "sh", "-c", &inside]);
     // FreeCAD's start page does not run as root otherwise.

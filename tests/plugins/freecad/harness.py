@@ -4,7 +4,7 @@ import os
 import subprocess
 import traceback
 
-PLUGIN = os.path.join(os.path.dirname(__file__), "..", "..", "plugins", "freecad", "freecad")
+PLUGIN = os.path.join(os.path.dirname(__file__), "..", "..", "..", "plugins", "freecad", "freecad")
 
 
 def use_plugin():

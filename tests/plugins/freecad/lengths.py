@@ -25,7 +25,7 @@ from freecad.Isomark import mark as kept_in
 from freecad.Isomark.dxf import Path
 from surfaces import Can, Cone, Mouse, Vector, any_rotation, length_on, lifted, polylines
 
-FONT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "fonts", "DejaVuSans-subset.ttf")
+FONT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "..", "fonts", "DejaVuSans-subset.ttf")
 #: The length error that a drawing may have, mm.
 LIMIT = 0.1
 

@@ -3,16 +3,11 @@
 //! `tests/browser/report.py` drives the browser. It reads the mark from the page's data without the viewer, and compares
 //! it with the pixels of screenshots.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test may fail loudly, its helpers too")]
-
 use std::process::Command;
 
 use isomark::config::{Field, FieldOrigin};
 use isomark::report_html::MAX_FRAME;
 use isomark::{Correction, Corrector, Drawing, Part, Settings};
-
-#[allow(unreachable_pub, missing_docs, reason = "a module of several tests")]
-mod browser;
 
 /// Names with markup, as a customer's file could have them: valid on Linux, and never a part of the page.
 const HOSTILE: &str = "a</script><img src=x onerror=\"window.marked=1\">&amp;'<!--<b>.dxf";
@@ -44,7 +39,7 @@ fn frame(correction: &Correction, page: &str) -> usize {
 
 #[test]
 fn a_report_works_in_a_real_browser() {
-    let Some(axe) = browser::axe() else { return };
+    let Some(axe) = crate::browser::axe() else { return };
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("can.report.html");
     std::fs::write(&file, can(HOSTILE).report_html()).unwrap();

@@ -17,7 +17,6 @@ import FreeCADGui
 import Part
 from PySide import QtCore, QtGui
 
-HERE = os.path.dirname(os.path.abspath(__file__))
 PICTURES = os.environ.get("ISOMARK_PICTURES", "")
 PANEL_PICTURE = os.environ.get("ISOMARK_PANEL_PICTURE", "")
 #: The longest time for any step, ms.
