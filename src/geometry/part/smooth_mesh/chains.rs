@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::SmoothMesh;
 use super::straightest::Straightest;
-use crate::geometry::adjacency::facet_normal;
+use crate::geometry::adjacency::{Neighbours, facet_normal, spread};
 
 /// Chords that their arc leaves by less than this, mm, are not looked at: fine meshes have many, and their slopes are known well.
 pub(super) const NEGLIGIBLE_BULGE: f64 = 1e-3;
@@ -20,7 +20,7 @@ pub(super) const ON_ONE_LINE: f64 = -0.995;
 /// The error is largest where the part is steepest; this is its share of the mean error over the chord.
 const OF_LONE: f64 = 1.5;
 /// On a turned part the error is that of the slope along the profile only: the mean over lines in all directions.
-const OF_TURNED: f64 = std::f64::consts::FRAC_2_PI;
+pub(super) const OF_TURNED: f64 = std::f64::consts::FRAC_2_PI;
 /// Facets contain a ruling if they are off it by at most this share of what the side turns by, or by the second value, rad.
 const RULING: f64 = 0.05;
 const ROUNDING: f64 = 1e-4;
@@ -51,6 +51,8 @@ const MOST_PIECES: usize = 8;
 const STRAIGHT: f64 = 1e-3;
 /// At so many vertices in a row, on average beyond both ends, a curve bends that is no fillet of one facet.
 const BENDING: usize = 3;
+/// Vertices beyond an end of a straight line that are looked at, at most.
+const MOST_BEYOND: usize = MOST_PIECES + 2 * BENDING;
 /// CAD programs cut an arc into facets that turn by at most twice this, rad.
 const MOST_LEAN: f64 = 0.25;
 /// Neighbours of a vertex among which its ring is looked for.
@@ -82,6 +84,23 @@ struct Bend {
     count: usize,
     /// Whether the turn at the end is larger than that of an arc which begins there.
     leaves_tangent: bool,
+}
+
+/// The triangles with straight sides, each given with its side, that may be of a curve which is not straight anywhere, with how far the
+/// slope may be off, rad, root mean square: see [`Chains::doubt_of_straight`].
+pub(super) fn of_straight_sides(mesh: &SmoothMesh, sides: &[(usize, [u32; 2])]) -> Vec<(usize, f64)> {
+    if sides.is_empty() {
+        return Vec::new();
+    }
+    let mut is_end = vec![false; mesh.positions.len()];
+    sides.iter().flat_map(|(_, ends)| ends).for_each(|&end| is_end[end as usize] = true);
+    let mut is_near = is_end.clone();
+    spread(&mut is_near, &mesh.triangles, MOST_BEYOND);
+    let around = Neighbours::of_chosen(&mesh.triangles, &is_near);
+    let straightest = Straightest::of(mesh, &around);
+    let chains = Chains::of(mesh, &straightest, &is_end);
+    let doubts = sides.iter().map(|&(triangle, ends)| (triangle, chains.doubt_of_straight(ends)));
+    doubts.filter(|(_, doubt)| *doubt > 0.0).collect()
 }
 
 /// The curves that the sides of a mesh are chords of.

@@ -9,6 +9,7 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::chains;
 use super::ends::{Straight, Surface, Surroundings, precision, rounding};
 use super::plane_facets::PlaneFacets;
 use super::rivals::{Others, apart, others};
@@ -103,6 +104,21 @@ impl Group {
         let most = triangles.iter().map(|&triangle| bulge_on(mesh, &round, triangle)).fold(0.0, f64::max);
         Self { round, near, most, triangles, rival: None }
     }
+
+    /// The sides of its triangles with `estimated` normals that run along it without a bend, each with its triangle.
+    fn straight_sides(&self, mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(usize, [u32; 2])> {
+        let is_straight = |ends: &[u32; 2]| {
+            let [one, other] = ends.map(|end| self.round.outward(&mesh.positions[end as usize]));
+            one.cross(&other).norm() < SAME_NORMAL
+        };
+        let sides = |&triangle: &usize| {
+            let [a, b, c] = mesh.triangles[triangle];
+            [[a, b], [b, c], [c, a]].map(|ends| (triangle, ends))
+        };
+        let is_open = |ends: &[u32; 2]| ends.iter().any(|&end| estimated[end as usize]);
+        let sides = self.triangles.iter().flat_map(sides);
+        sides.filter(|(_, ends)| is_open(ends) && is_straight(ends)).collect()
+    }
 }
 
 /// The triangles of cylinders and cones that have their normals.
@@ -160,6 +176,10 @@ pub(super) fn settle(
     if groups.is_empty() {
         return Rounds::default();
     }
+    // Seen before the vertices at their ends are set apart.
+    let straight =
+        groups.iter().flat_map(|(group, ..)| group.straight_sides(mesh, estimated)).collect::<Vec<_>>();
+    let straight = chains::of_straight_sides(mesh, &straight);
     // A hole that is cut into a mesh has its vertices on the facets; those of the part are on the cylinder.
     for (group, ..) in &groups {
         for vertex in group.triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]) {
@@ -195,6 +215,7 @@ pub(super) fn settle(
         }
     }
     let mut rounds = Rounds { is_cylinder: vec![false; count], on_cones: Vec::new(), apart: Vec::new() };
+    rounds.apart.extend(straight.into_iter().map(|(triangle, slope)| (triangle, 0.0, slope)));
     for (group, ..) in &groups {
         for &triangle in &group.triangles {
             let (corners, normals) = mesh.corners(triangle);

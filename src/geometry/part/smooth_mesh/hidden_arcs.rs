@@ -53,6 +53,8 @@ pub(super) struct HiddenArc {
     pub(super) doubt: f64,
     /// The direction of the edge.
     pub(super) edge: Vector3<f64>,
+    /// Whether it would be the arc of an S-shaped curve.
+    pub(super) is_double_bend: bool,
 }
 
 /// Those beside `edges`.
@@ -102,13 +104,22 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
             |triangles: &[usize]| triangles.first().is_some_and(|&first| is_polygon(facets, first, along));
         let starts_flat = beside.iter().any(|beside| is_of_polygon(&beside.triangles[0]));
         for (triangles, doubt) in of_round_prism(turned, &beside) {
-            let of_side = triangles.iter().map(|&triangle| HiddenArc { triangle, doubt, edge: along });
-            arcs.extend(of_side);
+            arcs.extend(triangles.iter().map(|&triangle| HiddenArc {
+                triangle,
+                doubt,
+                edge: along,
+                is_double_bend: false,
+            }));
         }
         for way in [0, 1] {
             if let Some(doubt) = of_double_bend(turned, &beside, way) {
                 let flat = beside[way].triangles[0].iter();
-                arcs.extend(flat.map(|&triangle| HiddenArc { triangle, doubt, edge: along }));
+                arcs.extend(flat.map(|&triangle| HiddenArc {
+                    triangle,
+                    doubt,
+                    edge: along,
+                    is_double_bend: true,
+                }));
             }
         }
         let is_flat = starts_flat || beside.iter().any(|beside| beside.is_flat(turned / 2.0));
@@ -120,7 +131,12 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
             let mut add = |which: usize, lean: f64| {
                 let doubt = lean.abs() / 3f64.sqrt();
                 let beside = beside.triangles[which].iter();
-                arcs.extend(beside.map(|&triangle| HiddenArc { triangle, doubt, edge: along }));
+                arcs.extend(beside.map(|&triangle| HiddenArc {
+                    triangle,
+                    doubt,
+                    edge: along,
+                    is_double_bend: false,
+                }));
             };
             let lean = turned / 2.0;
             add(0, lean);

@@ -1,13 +1,16 @@
 //! From triangles to a smooth mesh: which facets continue each other, and the normals of the vertices that they share.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point3, Vector3};
 
 use super::arcs::{self, NEGLIGIBLE_BEND};
 use super::cambers;
+use super::chains::OF_TURNED;
 use super::creases::{Facing, Steps, matters};
 use super::cylinders;
 use super::ends::{self, precision};
-use super::hidden_arcs;
+use super::hidden_arcs::{self, HiddenArc};
 use super::long_sides;
 use super::plane_polygons;
 use super::round::Camber;
@@ -308,6 +311,7 @@ impl SmoothMesh {
             cones: Vec::new(),
         };
         let (mut estimated, mut deviations) = smooth.complete_normals(fork);
+        let double_bends = smooth.double_bends(&hidden, &estimated);
         let cambers = &known.cambers;
         let written = mesh.positions();
         let rounds = cylinders::settle(&mut smooth, written, cambers, &mut estimated, &mut deviations, fork);
@@ -334,7 +338,9 @@ impl SmoothMesh {
         smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
         smooth.replace_slope_doubts(of_strips);
         smooth.cones = rounds.cones(&smooth);
-        let of_cones = smooth.cones.iter().map(|&(triangle, _)| (triangle as usize, 0.0)).collect();
+        let of_cone = |triangle: usize| double_bends.get(&triangle).map_or(0.0, |doubt| OF_TURNED * doubt);
+        let of_cones = smooth.cones.iter().map(|&(triangle, _)| triangle as usize);
+        let of_cones = of_cones.map(|triangle| (triangle, of_cone(triangle) as f32)).collect();
         smooth.replace_slope_doubts(of_cones);
         of_turned.add_doubts(&mut smooth.slope_doubts, smooth.triangles.len());
         smooth.doubt_flat_shading(mesh);
@@ -344,6 +350,19 @@ impl SmoothMesh {
         }
         smooth.doubt_rivals(&rounds.apart);
         smooth
+    }
+
+    /// The triangles with `estimated` normals that may be of S-shaped curves, with the errors of their slopes if they are, rad, root mean
+    /// square: a cone between two curves may be the long chord of their profile.
+    fn double_bends(&self, hidden: &[HiddenArc], estimated: &[bool]) -> BTreeMap<usize, f64> {
+        let mut bends = BTreeMap::new();
+        for arc in hidden.iter().filter(|arc| arc.is_double_bend) {
+            if self.triangles[arc.triangle].iter().any(|&vertex| estimated[vertex as usize]) {
+                let doubt: &mut f64 = bends.entry(arc.triangle).or_default();
+                *doubt = doubt.max(arc.doubt);
+            }
+        }
+        bends
     }
 
     /// Doubts the slopes of facets that are shaded flat as those of a round face may be, where the rest of their body is shaded

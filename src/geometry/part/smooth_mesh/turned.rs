@@ -10,6 +10,7 @@ use std::collections::BTreeSet;
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
+use super::chains::OF_TURNED;
 use super::ends::{Surface, Surroundings};
 use super::plane_curve::{Place, Profile, RingPlace};
 use super::rings::{Axis, LEAST_ON_RING, LEAST_RINGS, MOST_BESIDE, Rings, curves};
@@ -42,8 +43,6 @@ const MOST_VISITS: usize = 16;
 const MOST_TRIANGLES: usize = 300_000;
 /// The profile is used at a ring where it leaves at most this share of the doubt of the facets there.
 const BETTER: f64 = 0.5;
-/// The error is that of the slope along the profile only: the mean over lines in all directions.
-const OF_TURNED: f64 = std::f64::consts::FRAC_2_PI;
 /// Known normals belong to the profile where they pass the axis within this, as a sine.
 const EXACT: f64 = 1e-3;
 
