@@ -3,7 +3,7 @@
 
 use std::io::{self, ErrorKind, Write};
 use std::path::{Component, Path};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use fs_err as fs;
 
@@ -69,10 +69,55 @@ fn written(folder: &Path, bytes: &[u8], flush: Flush) -> io::Result<tempfile::Na
 }
 
 /// Renames a temporary file, replacing an older file.
-fn keep(file: tempfile::NamedTempFile, folder: &Path, name: &str, flush: Flush) -> io::Result<()> {
-    file.persist(in_full(&folder.join(name)))
-        .map_err(|error| named(error.error, "cannot write", &folder.join(name)))?;
+fn keep(mut file: tempfile::NamedTempFile, folder: &Path, name: &str, flush: Flush) -> io::Result<()> {
+    let (place, mut reader) = (in_full(&folder.join(name)), Reader::default());
+    while let Err(failed) = file.persist(&place) {
+        if !reader.may_finish(&failed.error) {
+            return Err(named(failed.error, "cannot write", &folder.join(name)));
+        }
+        file = failed.file;
+    }
     if flush == Flush::All { sync_folder(folder) } else { Ok(()) }
+}
+
+/// Renames a file in a folder that can be written to, replacing an older file.
+///
+/// # Errors
+/// When the folder cannot be written to; `ResourceBusy` when another program keeps the older file open and Windows therefore does not
+/// replace it.
+#[cfg(feature = "station")]
+pub(crate) fn rename_over(from: &Path, to: &Path) -> io::Result<()> {
+    let mut reader = Reader::default();
+    while let Err(error) = fs::rename(from, to) {
+        if !reader.may_finish(&error) {
+            let is_open = cfg!(windows) && error.kind() == ErrorKind::PermissionDenied && to.is_file();
+            return Err(if is_open {
+                io::Error::new(ErrorKind::ResourceBusy, error.to_string())
+            } else {
+                error
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Somebody who reads a file that is to be replaced, such as an importer or a virus scanner: meanwhile, Windows denies it.
+#[derive(Default)]
+struct Reader {
+    /// How often it was waited for.
+    waits: u32,
+}
+
+impl Reader {
+    /// Waits a moment if this may be why the file could not be replaced, for half a second in all.
+    fn may_finish(&mut self, error: &io::Error) -> bool {
+        let may_read = cfg!(windows) && error.kind() == ErrorKind::PermissionDenied && self.waits < 20;
+        if may_read {
+            self.waits += 1;
+            std::thread::sleep(Duration::from_millis(25));
+        }
+        may_read
+    }
 }
 
 /// Writes a file atomically, replacing an older one of the same name, without flushing it: for files that can be made

@@ -8,7 +8,9 @@ use fs_err as fs;
 
 use super::resume::{InImport, Renamed, Seen, after_a_failed_rename};
 use crate::config::{DeliveryKind, FolderPaths, Repeat, Station};
-use crate::files::{TEMPORARY_END, TEMPORARY_START, read_if_there, sync_folder, write_flushed, write_whole};
+use crate::files::{
+    TEMPORARY_END, TEMPORARY_START, read_if_there, rename_over, sync_folder, write_flushed, write_whole,
+};
 use crate::hotfolder::api::{Check, Delivery, JobError};
 use crate::hotfolder::error::{folder_trouble, guarded, warn_if_not_noted};
 use crate::hotfolder::seen::{Identity, Stamp, folders};
@@ -81,7 +83,7 @@ pub(crate) fn deliver<'a>(
     let identity = folders::identity(import);
     let noted = journal().delivering(job, stamp, identity);
     let mut certainty = Certainty::Certain;
-    if let Err(error) = noted.and_then(|()| fs::rename(&temporary, import.join(&job.name))) {
+    if let Err(error) = noted.and_then(|()| rename_over(&temporary, &import.join(&job.name))) {
         let seen = look_into_import(import, &temporary, job, identity);
         // If the folder cannot be read now, the next attempt reads it.
         let Ok(seen) = seen else { return Err(folder_trouble(error)) };
