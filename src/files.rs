@@ -376,6 +376,39 @@ mod tests {
         }
     }
 
+    /// Other systems replace files that are open.
+    #[cfg(windows)]
+    #[test]
+    fn a_file_is_replaced_when_its_reader_has_finished() {
+        use std::os::windows::fs::OpenOptionsExt;
+        const SHARED_FOR_READING: u32 = 1;
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("x.dxf");
+        let read_for = |time: Duration| {
+            let file = std::fs::OpenOptions::new().read(true).share_mode(SHARED_FOR_READING).open(&place);
+            let file = file.unwrap();
+            std::thread::spawn(move || {
+                std::thread::sleep(time);
+                drop(file);
+            })
+        };
+        write_whole(folder.path(), "x.dxf", b"first").unwrap();
+        let reader = read_for(Duration::from_millis(100));
+        write_whole(folder.path(), "x.dxf", b"second").unwrap();
+        reader.join().unwrap();
+        assert_eq!(fs::read(&place).unwrap(), b"second");
+        #[cfg(feature = "station")]
+        {
+            let new = folder.path().join("new");
+            fs::write(&new, b"third").unwrap();
+            let reader = read_for(Duration::from_secs(2));
+            assert_eq!(rename_over(&new, &place).unwrap_err().kind(), ErrorKind::ResourceBusy);
+            reader.join().unwrap();
+            rename_over(&new, &place).unwrap();
+            assert_eq!(fs::read(&place).unwrap(), b"third");
+        }
+    }
+
     #[test]
     fn a_rejected_file_leaves_the_older_one_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
