@@ -69,15 +69,24 @@ fn written(folder: &Path, bytes: &[u8], flush: Flush) -> io::Result<tempfile::Na
 }
 
 /// Renames a temporary file, replacing an older file.
-fn keep(mut file: tempfile::NamedTempFile, folder: &Path, name: &str, flush: Flush) -> io::Result<()> {
-    let (place, mut reader) = (in_full(&folder.join(name)), Reader::default());
+fn keep(file: tempfile::NamedTempFile, folder: &Path, name: &str, flush: Flush) -> io::Result<()> {
+    persist_over(file, &folder.join(name))?;
+    if flush == Flush::All { sync_folder(folder) } else { Ok(()) }
+}
+
+/// Renames a temporary file, replacing an older file, without flushing the folder.
+///
+/// # Errors
+/// When the folder cannot be written to, or Windows does not replace the older file because another program keeps it open.
+pub(crate) fn persist_over(mut file: tempfile::NamedTempFile, path: &Path) -> io::Result<()> {
+    let (place, mut reader) = (in_full(path), Reader::default());
     while let Err(failed) = file.persist(&place) {
         if !reader.may_finish(&failed.error) {
-            return Err(named(failed.error, "cannot write", &folder.join(name)));
+            return Err(named(failed.error, "cannot write", path));
         }
         file = failed.file;
     }
-    if flush == Flush::All { sync_folder(folder) } else { Ok(()) }
+    Ok(())
 }
 
 /// Renames a file in a folder that can be written to, replacing an older file.
@@ -88,20 +97,37 @@ fn keep(mut file: tempfile::NamedTempFile, folder: &Path, name: &str, flush: Flu
 #[cfg(feature = "station")]
 pub(crate) fn rename_over(from: &Path, to: &Path) -> io::Result<()> {
     let mut reader = Reader::default();
-    while let Err(error) = fs::rename(from, to) {
+    while let Err(error) = std::fs::rename(from, to) {
         if !reader.may_finish(&error) {
-            let is_open = cfg!(windows) && error.kind() == ErrorKind::PermissionDenied && to.is_file();
-            return Err(if is_open {
-                io::Error::new(ErrorKind::ResourceBusy, error.to_string())
-            } else {
-                error
-            });
+            let kind = if is_held_open(to) { ErrorKind::ResourceBusy } else { error.kind() };
+            return Err(named(io::Error::new(kind, error.to_string()), "cannot write", to));
         }
     }
     Ok(())
 }
 
-/// Somebody who reads a file that is to be replaced, such as an importer or a virus scanner: meanwhile, Windows denies it.
+/// Whether another program has a file open in a way in which Windows neither replaces nor removes it.
+#[cfg(all(feature = "station", windows))]
+fn is_held_open(path: &Path) -> bool {
+    use std::os::windows::fs::OpenOptionsExt;
+    /// The right to remove a file, and what others may do meanwhile: read, write and remove it.
+    const DELETE: u32 = 0x0001_0000;
+    const SHARED: u32 = 7;
+    let opened = std::fs::OpenOptions::new().access_mode(DELETE).share_mode(SHARED).open(in_full(path));
+    opened.is_err_and(|error| error.raw_os_error() == Some(SHARING_VIOLATION))
+}
+
+/// Other systems replace files that are open.
+#[cfg(all(feature = "station", not(windows)))]
+fn is_held_open(_path: &Path) -> bool {
+    false
+}
+
+/// What Windows answers where another program has a file open, or a part of it locked.
+const SHARING_VIOLATION: i32 = 32;
+const LOCK_VIOLATION: i32 = 33;
+
+/// Somebody who reads a file that is to be replaced or renamed, such as an importer or a virus scanner: meanwhile, Windows denies it.
 #[derive(Default)]
 struct Reader {
     /// How often it was waited for.
@@ -111,7 +137,9 @@ struct Reader {
 impl Reader {
     /// Waits a moment if this may be why the file could not be replaced, for half a second in all.
     fn may_finish(&mut self, error: &io::Error) -> bool {
-        let may_read = cfg!(windows) && error.kind() == ErrorKind::PermissionDenied && self.waits < 20;
+        let is_of_reader = error.kind() == ErrorKind::PermissionDenied
+            || [SHARING_VIOLATION, LOCK_VIOLATION].map(Some).contains(&error.raw_os_error());
+        let may_read = cfg!(windows) && is_of_reader && self.waits < 20;
         if may_read {
             self.waits += 1;
             std::thread::sleep(Duration::from_millis(25));

@@ -134,7 +134,8 @@ fn the_part_that_was_learned_last_stays_also_if_its_rival_is_announced_later() {
     everywhere(1.3);
 }
 
-/// Each answer takes 0.8 s, three times as long as one that is waited for: the station is in the fleet, and no drop waits for it. The server's log shows that it was not asked.
+/// Each answer takes 0.8 s, three times as long as one that is waited for: the station is in the fleet, and no drop waits for it. The
+/// server's log shows that it was not asked.
 #[test]
 fn drops_do_not_wait_for_a_slow_database() {
     let Some((server, _desk)) = server_with_tables() else { return };

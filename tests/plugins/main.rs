@@ -8,8 +8,10 @@
     reason = "helpers of tests may panic"
 )]
 
+#[cfg(target_os = "linux")]
 #[path = "../ezdxf/mod.rs"]
 mod ezdxf;
+#[cfg(target_os = "linux")]
 #[path = "../khronos/mod.rs"]
 mod khronos;
 

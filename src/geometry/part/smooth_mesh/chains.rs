@@ -45,7 +45,7 @@ const STEADY: f64 = 1.3;
 const EVEN_BEND: f64 = 0.15;
 /// Unless wide and narrow sides take turns: the one are so many times as long as the other.
 const IN_TURN: f64 = 1.5;
-/// A straight side is divided into at most so many pieces, …
+/// A straight side is followed over at most so many pieces, …
 const MOST_PIECES: usize = 8;
 /// … which turn by less than this, rad.
 const STRAIGHT: f64 = 1e-3;
@@ -73,6 +73,8 @@ struct Straight {
     turn: f64,
     /// mm.
     length: f64,
+    /// The number of its sides.
+    pieces: usize,
 }
 
 /// How a curve bends beyond the end of a straight line.
@@ -86,8 +88,8 @@ struct Bend {
     leaves_tangent: bool,
 }
 
-/// The triangles with straight sides, each given with its side, that may be of a curve which is not straight anywhere, with how far the
-/// slope may be off, rad, root mean square: see [`Chains::doubt_of_straight`].
+/// Of triangles, each given with a side that is taken for straight, those whose side may be the chord of an S-shaped curve, with the error
+/// of their slope if it is, rad, root mean square: see [`Chains::doubt_of_straight`].
 pub(super) fn of_straight_sides(mesh: &SmoothMesh, sides: &[(usize, [u32; 2])]) -> Vec<(usize, f64)> {
     if sides.is_empty() {
         return Vec::new();
@@ -204,7 +206,10 @@ impl<'a> Chains<'a> {
     fn bends_beside(&self, ends: [u32; 2]) -> Option<[Bend; 2]> {
         let [back, ahead] = [[ends[1], ends[0]], ends].map(|way| self.to_bend(way));
         let (back, ahead) = (back?, ahead?);
-        // Both reach over the side itself.
+        // Both reach over the side itself. An S-shaped curve has one vertex on its chord at most.
+        if back.pieces + ahead.pieces - 1 > 2 {
+            return None;
+        }
         let length = back.length + ahead.length - self.distance(ends);
         Some([self.bend_at(&back, length)?, self.bend_at(&ahead, length)?])
     }
@@ -212,11 +217,11 @@ impl<'a> Chains<'a> {
     /// The last piece of a straight line from a side on.
     fn to_bend(&self, [mut from, mut end]: [u32; 2]) -> Option<Straight> {
         let mut length = self.distance([from, end]);
-        for _ in 0..MOST_PIECES {
+        for pieces in 1..=MOST_PIECES {
             let beyond = self.straight_on(from, end)?;
             let turn = self.turn_at(end, [from, beyond]);
             if turn.abs() > STRAIGHT {
-                return Some(Straight { end, beyond, turn, length });
+                return Some(Straight { end, beyond, turn, length, pieces });
             }
             (from, end) = (end, beyond);
             length += self.distance([from, end]);
@@ -228,7 +233,7 @@ impl<'a> Chains<'a> {
     fn bend_at(&self, straight: &Straight, length: f64) -> Option<Bend> {
         let Straight { end, beyond, turn, .. } = *straight;
         let mut side = [end, beyond];
-        let lean = match self.lean_of_arc(side) {
+        let lean = match self.lean_of_even_sides(side) {
             Some(of_arc) => turn - of_arc,
             None => turn * length / (length + self.distance(side)),
         };
@@ -236,7 +241,9 @@ impl<'a> Chains<'a> {
             return None;
         }
         let (mut count, mut leaves_tangent) = (1, false);
+        // What is beyond a long side is another bend.
         while count < 2 * BENDING
+            && self.distance(side) <= length
             && let Some(after) = self.straight_on(side[0], side[1])
             && let next = self.turn_at(side[1], [side[0], after])
             && next * turn > 0.0
@@ -381,10 +388,15 @@ impl<'a> Chains<'a> {
     /// By how much the normals of an arc lean from a side of it, rad, if the side that continues it at its second end is cut from
     /// the same arc.
     fn lean_of_arc(&self, [from, end]: [u32; 2]) -> Option<f64> {
+        let lean = self.lean_of_even_sides([from, end])?;
+        (lean.abs() * self.distance([from, end]) > 4.0 * NEGLIGIBLE_BULGE).then_some(lean)
+    }
+
+    /// The same for arcs that leave their chords by any height.
+    fn lean_of_even_sides(&self, [from, end]: [u32; 2]) -> Option<f64> {
         let beyond = self.straight_on(from, end)?;
-        let turn = self.turn_at(end, [from, beyond]);
-        let bends = turn.abs() * self.distance([from, end]) > 8.0 * NEGLIGIBLE_BULGE;
-        (bends && self.is_even([from, end], [end, beyond], EVENLY_CUT)).then_some(turn / 2.0)
+        let is_even = self.is_even([from, end], [end, beyond], EVENLY_CUT);
+        is_even.then(|| self.turn_at(end, [from, beyond]) / 2.0)
     }
 
     /// By how much the normal at a vertex leans away from the side to another one, rad.
@@ -621,6 +633,48 @@ mod tests {
             let [error, doubt] = [squares, doubts].map(|sum: f64| (sum / count).sqrt());
             // A doubt is the mean over lines in all directions.
             assert!(error > 0.05 && doubt >= 0.5 * error, "{kink}, {turn}: {doubt} rad for {error} rad");
+        }
+    }
+
+    /// As on bottles and stepped shafts, also where the facets of the fillets leave their arcs by next to nothing.
+    #[test]
+    fn a_cone_or_cylinder_between_opposite_fillets_is_not_in_doubt() {
+        for [outer, inner] in [[0.0f64, -0.4], [-0.4, 0.0]] {
+            for (radius, chords) in [(0.2, 2), (0.5, 3), (1.0, 5), (5.0, 4), (5.0, 10)] {
+                let mut at = [-30.0, 22.0 - 20.0 * outer];
+                let mut rings = vec![at];
+                let go_on = |at: [f64; 2], length: f64, angle: f64| {
+                    [at[0] + length * angle.cos(), at[1] + length * angle.sin()]
+                };
+                at = go_on(at, 20.0, outer);
+                rings.push(at);
+                let mut ends = [0.0; 2];
+                for (from, to) in [(outer, inner), (inner, outer)] {
+                    let step = (to - from) / f64::from(chords);
+                    for chord in 0..chords {
+                        let middle = from + step * (f64::from(chord) + 0.5);
+                        at = go_on(at, 2.0 * radius * (step.abs() / 2.0).sin(), middle);
+                        rings.push(at);
+                    }
+                    if from == outer {
+                        ends[0] = at[0];
+                    }
+                    at = go_on(at, 12.0, to);
+                    rings.push(at);
+                    if from == outer {
+                        ends[1] = at[0];
+                    }
+                }
+                let part = turned(&rings);
+                let is_inner = |triangle: &usize| {
+                    part.corners(*triangle).0.iter().all(|at| at.x > ends[0] - 1e-9 && at.x < ends[1] + 1e-9)
+                };
+                let inner_triangles: Vec<usize> = (0..part.triangles.len()).filter(is_inner).collect();
+                assert_eq!(inner_triangles.len(), 2 * STEPS as usize);
+                let doubt = |&triangle: &usize| part.slope_doubts.get(triangle).copied().unwrap_or(0.0);
+                let most = inner_triangles.iter().map(doubt).fold(0.0, f32::max);
+                assert!(most < 1e-3, "{inner}, R {radius} in {chords}: {most} rad");
+            }
         }
     }
 }

@@ -128,7 +128,8 @@ pub(super) struct Rounds {
     pub(super) is_cylinder: Vec<bool>,
     /// Triangles, each with its cone.
     on_cones: Vec<(usize, Cone)>,
-    /// Triangles that may be of another surface as well: how far it is from theirs at most, mm, and how far its slope, rad.
+    /// Triangles that may be of another surface as well: how far it is from theirs at most, mm, or 0 where only the
+    /// slope is in doubt, and how far its slope, rad.
     pub(super) apart: Vec<(usize, f64, f64)>,
 }
 

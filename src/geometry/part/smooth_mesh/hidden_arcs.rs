@@ -103,23 +103,19 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
         let is_of_polygon =
             |triangles: &[usize]| triangles.first().is_some_and(|&first| is_polygon(facets, first, along));
         let starts_flat = beside.iter().any(|beside| is_of_polygon(&beside.triangles[0]));
+        let arc = |triangle: usize, doubt: f64, is_double_bend: bool| HiddenArc {
+            triangle,
+            doubt,
+            edge: along,
+            is_double_bend,
+        };
         for (triangles, doubt) in of_round_prism(turned, &beside) {
-            arcs.extend(triangles.iter().map(|&triangle| HiddenArc {
-                triangle,
-                doubt,
-                edge: along,
-                is_double_bend: false,
-            }));
+            arcs.extend(triangles.iter().map(|&triangle| arc(triangle, doubt, false)));
         }
         for way in [0, 1] {
             if let Some(doubt) = of_double_bend(turned, &beside, way) {
                 let flat = beside[way].triangles[0].iter();
-                arcs.extend(flat.map(|&triangle| HiddenArc {
-                    triangle,
-                    doubt,
-                    edge: along,
-                    is_double_bend: true,
-                }));
+                arcs.extend(flat.map(|&triangle| arc(triangle, doubt, true)));
             }
         }
         let is_flat = starts_flat || beside.iter().any(|beside| beside.is_flat(turned / 2.0));
@@ -131,12 +127,7 @@ pub(super) fn found(facets: &Facets, edges: &[Facing]) -> Vec<HiddenArc> {
             let mut add = |which: usize, lean: f64| {
                 let doubt = lean.abs() / 3f64.sqrt();
                 let beside = beside.triangles[which].iter();
-                arcs.extend(beside.map(|&triangle| HiddenArc {
-                    triangle,
-                    doubt,
-                    edge: along,
-                    is_double_bend: false,
-                }));
+                arcs.extend(beside.map(|&triangle| arc(triangle, doubt, false)));
             };
             let lean = turned / 2.0;
             add(0, lean);
@@ -172,6 +163,10 @@ fn of_double_bend(turned: f64, beside: &[Beside; 2], way: usize) -> Option<f64> 
     let bends_on = |turn: f64, next: f64| turn * next > 0.0;
     // The normals of an arc lean as much at both of its ends.
     let leaves_tangent = |turn: f64, next: f64| (turn - next) * turn > NOT_FLAT * turn * turn;
+    // What is beyond a longer side is another bend.
+    if curve.length.max(side.lengths_beyond[0]) > side.length {
+        return None;
+    }
     let is_curve = curve.turn_beyond.is_some_and(|after| bends_on(near, -ahead * after))
         || leaves_tangent(turned, near) && leaves_tangent(far, after_far);
     let is_double = bends_on(turned, near) && bends_on(far, after_far) && far * turned < 0.0;

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::line::{JOURNAL, Line, written};
-use crate::files::{in_full, named, sync_folder, temporary};
+use crate::files::{persist_over, sync_folder, temporary};
 
 /// The journal is flushed each time after this many bytes, so that the last flush, for which jobs wait, is short.
 const FLUSHED: u64 = 1 << 20;
@@ -42,9 +42,8 @@ impl NewJournal {
 
     /// Replaces the old journal; returns the number of lines and the length in bytes.
     pub(super) fn keep(self, folder: &Path) -> io::Result<(usize, u64)> {
-        let place = folder.join(JOURNAL);
         self.file.as_file().sync_all()?;
-        self.file.persist(in_full(&place)).map_err(|error| named(error.error, "cannot write", &place))?;
+        persist_over(self.file, &folder.join(JOURNAL))?;
         sync_folder(folder)?;
         Ok((self.lines, self.length))
     }
