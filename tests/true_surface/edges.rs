@@ -278,8 +278,7 @@ fn the_middle_of_a_double_bend_is_not_taken_for_a_flat_side() {
         ("sine", |x| 2.0 * (x / 7.0).sin(), &[5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0]),
         ("long sine", |x| 3.0 * (x / 9.0).sin(), &[7.0, 10.0, 13.0, 16.0, 19.0, 22.0, 26.0, 30.0]),
     ];
-    let failures =
-        wrong_reports(&profiles, |columns, height| extruded(columns, height), |height, x, _| height(x));
+    let failures = wrong_reports(&profiles, extruded, |height, x, _| height(x));
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
