@@ -236,6 +236,14 @@ fn turned(columns: &[f64], distance: impl Fn(f64) -> f64) -> TriMesh {
 /// A profile with bends to both sides, its name and the places of vertices on the one side of its middle.
 type DoubleBend = (&'static str, fn(f64) -> f64, &'static [f64]);
 
+const DOUBLE_BENDS: [DoubleBend; 5] = [
+    ("step of 3 chords on a side", |x| step(x, 1.8, 8.5), &[4.25, 6.375, 8.5, 30.0]),
+    ("step of 2 chords on a side", |x| step(x, 2.0, 12.8), &[6.4, 12.8, 30.0]),
+    ("step of many chords", |x| step(x, 2.5, 16.0), &[5.0, 7.0, 9.0, 11.0, 13.0, 16.0, 30.0]),
+    ("sine", |x| 2.0 * (x / 7.0).sin(), &[5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0]),
+    ("long sine", |x| 3.0 * (x / 9.0).sin(), &[7.0, 10.0, 13.0, 16.0, 19.0, 22.0, 26.0, 30.0]),
+];
+
 fn step(x: f64, height: f64, half: f64) -> f64 {
     let share = ((x + half) / (2.0 * half)).clamp(0.0, 1.0);
     height * share * share * (3.0 - 2.0 * share)
@@ -271,14 +279,7 @@ fn wrong_reports(
 /// or two: nothing in the file but the bends shows that it is not flat.
 #[test]
 fn the_middle_of_a_double_bend_is_not_taken_for_a_flat_side() {
-    let profiles: [DoubleBend; 5] = [
-        ("step of 3 chords on a side", |x| step(x, 1.8, 8.5), &[4.25, 6.375, 8.5, 30.0]),
-        ("step of 2 chords on a side", |x| step(x, 2.0, 12.8), &[6.4, 12.8, 30.0]),
-        ("step of many chords", |x| step(x, 2.5, 16.0), &[5.0, 7.0, 9.0, 11.0, 13.0, 16.0, 30.0]),
-        ("sine", |x| 2.0 * (x / 7.0).sin(), &[5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0]),
-        ("long sine", |x| 3.0 * (x / 9.0).sin(), &[7.0, 10.0, 13.0, 16.0, 19.0, 22.0, 26.0, 30.0]),
-    ];
-    let failures = wrong_reports(&profiles, extruded, |height, x, _| height(x));
+    let failures = wrong_reports(&DOUBLE_BENDS, extruded, |height, x, _| height(x));
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
@@ -286,13 +287,8 @@ fn the_middle_of_a_double_bend_is_not_taken_for_a_flat_side() {
 #[test]
 fn the_middle_of_a_double_bend_is_not_taken_for_a_cone_or_cylinder() {
     const RADIUS: f64 = 22.0;
-    let profiles: [DoubleBend; 5] = [
-        ("step of 3 chords on a side", |x| step(x, 1.8, 8.5), &[4.25, 6.375, 8.5, 30.0]),
-        ("step of many chords", |x| step(x, 2.5, 16.0), &[5.0, 7.0, 9.0, 11.0, 13.0, 16.0, 30.0]),
-        ("sine", |x| 2.0 * (x / 7.0).sin(), &[5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 25.0, 30.0]),
-        ("long sine", |x| 3.0 * (x / 9.0).sin(), &[7.0, 10.0, 13.0, 16.0, 19.0, 22.0, 26.0, 30.0]),
-        ("shelf", |x| 4e-4 * x.powi(3), &[6.0, 9.0, 12.0, 15.0, 18.0, 21.0]),
-    ];
+    let shelf: DoubleBend = ("shelf", |x| 4e-4 * x.powi(3), &[6.0, 9.0, 12.0, 15.0, 18.0, 21.0]);
+    let profiles = [&DOUBLE_BENDS[..], &[shelf]].concat();
     let part = |columns: &[f64], height: fn(f64) -> f64| turned(columns, |x| RADIUS + height(x));
     let truth = |height: fn(f64) -> f64, x: f64, y: f64| ((RADIUS + height(x)).powi(2) - y * y).sqrt();
     let failures = wrong_reports(&profiles, part, truth);
