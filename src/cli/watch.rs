@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &WatchArguments) -> Outcome {
         Some(files) => settings.released_by(files.clone()),
         None => settings,
     };
-    // A station that runs once works for itself, with the settings that it received before.
+    // A station that runs once works alone, with the settings that it received before.
     let fleet = settings.station().fleet.clone().filter(|_| !arguments.once);
     let member = fleet.zip(files).map(|(fleet, files)| {
         let (member, station) = (Member::new(fleet, &settings.station().folders, files), settings.station());

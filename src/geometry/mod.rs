@@ -1,6 +1,6 @@
 //! Pure mathematics: values in, values out. No file, clock, thread, log or file format is used here.
 //!
-//! It is a crate for itself, which the crate `isomark` shows as its module `geometry`.
+//! It is a separate crate, which the crate `isomark` shows as its module `geometry`.
 //!
 //! Lengths are in mm and angles in rad. Each frame has its own point type ([`space`]).
 //!

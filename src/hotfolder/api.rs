@@ -51,7 +51,7 @@ pub trait Corrector: Sync {
     /// The station's settings changed: its folders may be different now.
     fn follow(&self, station: &Station);
 
-    /// What the station shares with others; `None` for a station for itself.
+    /// What the station shares with others; `None` for a station that works alone.
     fn fleet(&self) -> Option<&dyn Fleet> {
         None
     }
