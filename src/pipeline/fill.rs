@@ -1,11 +1,12 @@
 //! The fill of a job: its lines in the corrected drawing, its report, and what a person should know of it.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::checks;
 use super::landmarks::Lift;
 use super::{Aim, JobSettings, MarkingDrawing, Pattern, Projection};
+use crate::formats::pattern::unused_name;
 use crate::geometry::fill::{self, FillError, FillLine, FillOptions, Filling};
 use crate::geometry::ink::Ink;
 use crate::geometry::mapping::quality;
@@ -103,8 +104,8 @@ pub(super) fn add(
     let found =
         fill::fill(placed, is_filled, projection, &options).map_err(|error| refused(&error, spacing))?;
     let Some(mut filling) = found.filter(|filling| !filling.lines.is_empty()) else {
-        let message = "nothing is filled: the drawing has no closed contour on the layers of the fill that is wider than the lines \
-                       are apart";
+        let message =
+            "nothing is filled: no closed contour on the filled layers is wider than the line spacing";
         notices.push(Notice::warning("fill-nothing", message));
         return Ok(None);
     };
@@ -188,20 +189,14 @@ pub(super) fn in_tiles(
 
 /// The layers of the lines, by the layer of their contours: position and content.
 fn new_layers(placed: &Pattern, filling: &Filling) -> BTreeMap<usize, (usize, Layer)> {
-    let mut names: Vec<String> = placed.layers.iter().map(|layer| layer.name.to_lowercase()).collect();
+    let mut names: BTreeSet<String> = placed.layers.iter().map(|layer| layer.name.to_lowercase()).collect();
     let mut layers: BTreeMap<usize, (usize, Layer)> = BTreeMap::new();
     for line in &filling.lines {
         if layers.contains_key(&line.layer) {
             continue;
         }
         let Some(of_contours) = placed.layers.get(line.layer) else { continue };
-        let mut name = format!("{}{SUFFIX}", of_contours.name);
-        let mut number = 2;
-        while names.contains(&name.to_lowercase()) {
-            name = format!("{}{SUFFIX}-{number}", of_contours.name);
-            number += 1;
-        }
-        names.push(name.to_lowercase());
+        let name = unused_name(&format!("{}{SUFFIX}", of_contours.name), &mut names);
         layers.insert(line.layer, (layers.len(), Layer { name, color: of_contours.color }));
     }
     layers

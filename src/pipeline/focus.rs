@@ -1,10 +1,11 @@
 //! The steps of focus of a job: the corrected drawing cut by height, one set of layers for each step.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::checks;
 use super::{Exposure, JobSettings, MarkingDrawing, Projection};
 use crate::config::FocusSteps;
+use crate::formats::pattern::unused_name;
 use crate::geometry::focus::{self, FocusBands, FocusStep, MOST_STEPS};
 use crate::geometry::marking::MarkingShape;
 use crate::geometry::pattern::Layer;
@@ -96,7 +97,7 @@ fn on_layers(drawing: &mut MarkingDrawing, steps: &[FocusStep]) -> Vec<Vec<FlatP
     let original = std::mem::take(&mut drawing.layers);
     drawing.paths.clear();
     let mut drawn = Vec::new();
-    let mut names: Vec<String> = Vec::new();
+    let mut names = BTreeSet::new();
     for step in steps {
         let mut layers: BTreeMap<usize, usize> = BTreeMap::new();
         let mut used: Vec<usize> = step.drawing.paths.iter().map(|path| path.layer).collect();
@@ -105,13 +106,7 @@ fn on_layers(drawing: &mut MarkingDrawing, steps: &[FocusStep]) -> Vec<Vec<FlatP
         for index in used {
             let Some(layer) = original.get(index) else { continue };
             let base = format!("{}-{}", layer.name, height_name(step.focus));
-            let mut name = base.clone();
-            let mut number = 2;
-            while names.contains(&name.to_lowercase()) {
-                name = format!("{base}-{number}");
-                number += 1;
-            }
-            names.push(name.to_lowercase());
+            let name = unused_name(&base, &mut names);
             layers.insert(index, drawing.layers.len());
             drawing.layers.push(Layer { name, color: layer.color });
         }

@@ -25,7 +25,7 @@ pub use dxf::space::{write_points, write_space};
 pub use dxf::write::{DxfProfile, losses, write};
 pub use error::{EntityName, PatternReadError, Spot};
 pub use facts::{LayerFacts, LostInk, PatternFacts, RasterFacts, Repair, RepairPlace, Skipped};
-pub(crate) use layer_names::{is_among, is_same_layer};
+pub(crate) use layer_names::{is_among, is_same_layer, unused_name};
 pub use raster::RasterOptions;
 pub use reading::{PatternOptions, PatternReading, Space, Strokes};
 pub use units::{DrawingUnit, UnknownUnit};
