@@ -568,6 +568,11 @@ pub fn program() -> String {
     format!("isomark {}", env!("CARGO_PKG_VERSION"))
 }
 
+/// The start of a hash, which tells files apart for a person.
+fn short_hash(hash: &str) -> &str {
+    hash.get(..16).unwrap_or(hash)
+}
+
 fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
@@ -601,8 +606,8 @@ fn comments(
     }
     vec![
         format!("{}{CORRECTED_FOR}{sku}", program()),
-        format!("pattern {} blake3 {}", input.name, &hash(input.bytes)[..16]),
-        format!("part {} blake3 {}", learned.kept.origin.file, &learned.kept.origin.blake3[..16]),
+        format!("pattern {} blake3 {}", input.name, short_hash(&hash(input.bytes))),
+        format!("part {} blake3 {}", learned.kept.origin.file, short_hash(&learned.kept.origin.blake3)),
     ]
 }
 

@@ -103,7 +103,7 @@ fn warn_of_unserved(line: &str) {
 fn words(document: &SentDocument) -> String {
     let line = on_one_line(&document.line);
     let job = |job: &SentJob| {
-        let (name, id) = (on_one_line(&job.name), &job.id[..12]);
+        let (name, id) = (on_one_line(&job.name), fleet::short_id(&job.id));
         match job.is_new {
             true => format!("{name} is sent to {line}, as job {id}\n"),
             false => format!("{name} was sent to {line} before, as job {id}; `--again` sends it again\n"),

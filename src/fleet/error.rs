@@ -338,7 +338,7 @@ impl From<tokio_postgres::Error> for FleetError {
         let text = shortened(answer.message());
         let code = answer.code();
         // Classes of PostgreSQL, appendix A.
-        match (&code.code()[..2], code) {
+        match (code.code().get(..2).unwrap_or_default(), code) {
             // The text is that of our own functions.
             (_, code)
                 if *code == SqlState::INSUFFICIENT_PRIVILEGE && text.starts_with("the station name ") =>

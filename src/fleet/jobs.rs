@@ -130,7 +130,7 @@ async fn report_ends(session: &Session, settings: &FleetSettings, desk: &Desk) -
     for ended in desk.unreported() {
         let reason = ended.reason.as_deref().map(shortened);
         let noted = end(session, &settings.name, &ended.claim, ended.outcome, reason.as_deref()).await?;
-        let (job, outcome, attempt) = (short(&ended.claim.0), ended.outcome, ended.claim.1);
+        let (job, outcome, attempt) = (short_id(&ended.claim.0), ended.outcome, ended.claim.1);
         match noted {
             true => {}
             false if ended.may_be_marked() => tracing::warn!(
@@ -207,7 +207,7 @@ async fn take(
             session.batch("COMMIT").await?;
             desk.is_checked(&claim);
             if is_ours {
-                tracing::info!("took job {} of {sender}: {name}", short(&claim.0));
+                tracing::info!("took job {} of {sender}: {name}", short_id(&claim.0));
                 desk.note(JobNews::IsOurs(claim));
             } else {
                 desk.is_busy(&claim.0);
@@ -215,7 +215,7 @@ async fn take(
             }
         }
         Err(what) => {
-            tracing::warn!("refusing job {} of the fleet: {what}", on_one_line(short(&claim.0)));
+            tracing::warn!("refusing job {} of the fleet: {what}", on_one_line(short_id(&claim.0)));
             let is_refused = mark_taken(session, settings, &claim).await?
                 && end(session, &settings.name, &claim, "rejected", Some(&shortened(&what))).await?;
             session.batch("COMMIT").await?;
@@ -267,7 +267,8 @@ fn arriving(row: &Row, claim: &Claim, station: &str) -> Result<Result<Arriving, 
     Ok(Ok(Arriving { id: claim.0.clone(), attempt: claim.1, name, sender, inputs }))
 }
 
-fn short(id: &str) -> &str {
+/// The start of the identity of a job, which tells jobs apart for a person.
+pub(crate) fn short_id(id: &str) -> &str {
     id.get(..12).unwrap_or(id)
 }
 
