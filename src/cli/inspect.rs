@@ -19,9 +19,9 @@ use super::set::{
 use crate::config::{IncidenceLimits, JobSettings, Losses, Overrides, PartSettings, parse_facing};
 use crate::cores::Cores;
 use crate::formats;
+use crate::formats::Pace;
 use crate::formats::mesh::{
-    self, FaceKind, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape,
-    SideFacts,
+    self, FaceKind, MeshFormat, NormalsFound, NormalsUsed, PartFacts, PartReading, Shape, SideFacts,
 };
 use crate::formats::pattern::{self, PatternFacts, PatternReadError, Skipped};
 use crate::formats::surface::SurfaceFormat;
@@ -94,13 +94,7 @@ pub(super) fn run(arguments: &InspectArguments) -> Outcome {
     let (inspection, text) = match MeshFormat::from_name(&name) {
         Some(format) => {
             refuse_options_of_the_other(&overrides, &name, true)?;
-            let options = MeshOptions {
-                unit: settings.part.unit,
-                up: settings.part.up,
-                normals: settings.part.normals,
-                bridge: settings.part.bridge,
-                ..MeshOptions::default()
-            };
+            let options = settings.part.mesh_options(Pace::default());
             let part = read_part(&arguments.file)?;
             let mut reading = mesh::read(&part.bytes, format, &options, &part.siblings)
                 .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;

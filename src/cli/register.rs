@@ -14,8 +14,9 @@ use super::outcome::{Failure, Outcome, print, print_json, shown};
 use super::set::SetArguments;
 use super::station_edit::{self, Change};
 use crate::config::{JobSettings, LiveSettings, NewValue, Station};
+use crate::formats::Pace;
 use crate::formats::measurements::{Measurements, MeasurementsError};
-use crate::formats::mesh::{self, MeshFormat, MeshOptions};
+use crate::formats::mesh::{self, MeshFormat};
 use crate::formats::pattern;
 use crate::geometry::marking::{MarkingDrawing, MarkingPath, MarkingShape};
 use crate::geometry::mesh::TriMesh;
@@ -215,13 +216,7 @@ fn read_mesh(file: &Path, settings: &mut JobSettings) -> Result<TriMesh, Failure
     let name = name_of(file)?;
     let format = MeshFormat::from_name(&name).ok_or_else(|| Failure::rejected(unknown_part_format(&name)))?;
     let part = read_part(file)?;
-    let options = MeshOptions {
-        unit: settings.part.unit,
-        up: settings.part.up,
-        normals: settings.part.normals,
-        bridge: settings.part.bridge,
-        ..MeshOptions::default()
-    };
+    let options = settings.part.mesh_options(Pace::default());
     let reading = mesh::read(&part.bytes, format, &options, &part.siblings)
         .map_err(|error| Failure::rejected(error.reason().in_file(&name)))?;
     settings.part = settings.part.for_part_with(reading.facts.marking_frame());

@@ -7,7 +7,7 @@ use super::choices::{
 use super::content::ContentSettings;
 use super::fill::{FillSettings, FocusSettings};
 use crate::formats::Pace;
-use crate::formats::mesh::{LengthUnit, NormalsChoice, UpAxis};
+use crate::formats::mesh::{LengthUnit, MeshOptions, NormalsChoice, UpAxis};
 use crate::formats::pattern::{DrawingUnit, PatternOptions, RasterOptions, Space};
 use crate::formats::pattern::{is_among, is_same_layer};
 use crate::geometry::mapping::mapping_domain::{AsPrinted, MappingDomainOptions};
@@ -116,6 +116,12 @@ impl ViewSource {
 }
 
 impl PartSettings {
+    /// How the part's file is read with these settings, at this pace.
+    #[must_use]
+    pub fn mesh_options(&self, pace: Pace) -> MeshOptions {
+        MeshOptions { unit: self.unit, up: self.up, normals: self.normals, bridge: self.bridge, pace }
+    }
+
     /// These settings with the view of a marking frame of the settings.
     #[must_use]
     pub fn framed(&self, frame: MarkingFrame) -> Self {

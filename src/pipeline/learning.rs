@@ -11,8 +11,8 @@ use crate::config::{IncidenceLimits, PartSettings, Sku, canonical};
 use crate::cores::Cores;
 use crate::formats::Pace;
 use crate::formats::mesh::{
-    self, Decision, LengthUnit, MeshFormat, MeshOptions, MeshReadError, NormalsFound, PartFacts, PartFile,
-    SideFacts, UpAxis,
+    self, Decision, LengthUnit, MeshFormat, MeshReadError, NormalsFound, PartFacts, PartFile, SideFacts,
+    UpAxis,
 };
 use crate::geometry::mark_region::MarkRegion;
 use crate::geometry::picture_mesh::PictureMesh;
@@ -123,7 +123,7 @@ impl Pipeline {
                 recent: RecentDrawings::default(),
             });
         }
-        let options = self.mesh_options(settings);
+        let options = settings.mesh_options(self.pace);
         let (reading, surface) = read_or_convert(part, settings, self.pace, |part| {
             steps.at(Step::Read);
             let mut reading =
@@ -191,16 +191,6 @@ impl Pipeline {
         mesh.map_or(Ok(()), |mesh| checks::frame_direction(frame, &mesh))
     }
 
-    fn mesh_options(&self, settings: &PartSettings) -> MeshOptions {
-        MeshOptions {
-            unit: settings.unit,
-            up: settings.up,
-            normals: settings.normals,
-            bridge: settings.bridge,
-            pace: self.pace,
-        }
-    }
-
     /// Keeps the mesh for pictures of a part whose surface was kept without it, by an older version. Without the mesh,
     /// pictures are less complete, so nothing fails here.
     fn complete_mesh(
@@ -219,7 +209,7 @@ impl Pipeline {
         if facts.triangles == 0 {
             return;
         }
-        let reading = mesh::read(&part.bytes, format, &self.mesh_options(settings), &part.siblings);
+        let reading = mesh::read(&part.bytes, format, &settings.mesh_options(self.pace), &part.siblings);
         if let Some(mesh) = reading.ok().as_ref().and_then(|reading| reading.shape.mesh())
             && let Err(error) =
                 cache.keep_picture_mesh(sku, key, &PictureMesh::of(mesh, PictureMesh::MAX_TRIANGLES))
