@@ -45,16 +45,16 @@ const LOW_PASS: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct JobKeys {
-    part: PartKeys,
-    pattern: PatternKeys,
-    placement: PlacementKeys,
-    correction: CorrectionKeys,
-    rotary: RotaryKeys,
-    fixture: FixtureKeys,
-    fill: FillKeys,
-    focus: FocusKeys,
-    content: ContentKeys,
-    serial: SerialKeys,
+    pub(super) part: PartKeys,
+    pub(super) pattern: PatternKeys,
+    pub(super) placement: PlacementKeys,
+    pub(super) correction: CorrectionKeys,
+    pub(super) rotary: RotaryKeys,
+    pub(super) fixture: FixtureKeys,
+    pub(super) fill: FillKeys,
+    pub(super) focus: FocusKeys,
+    pub(super) content: ContentKeys,
+    pub(super) serial: SerialKeys,
 }
 
 #[derive(Default, Deserialize)]
@@ -252,21 +252,6 @@ impl FrameKeys {
 }
 
 impl JobKeys {
-    /// The same tables inside a station file.
-    #[allow(clippy::too_many_arguments, reason = "one for each table")]
-    pub(super) fn from_tables(
-        part: PartKeys,
-        pattern: PatternKeys,
-        placement: PlacementKeys,
-        correction: CorrectionKeys,
-        rotary: RotaryKeys,
-        fixture: FixtureKeys,
-        (fill, focus): (FillKeys, FocusKeys),
-        (content, serial): (ContentKeys, SerialKeys),
-    ) -> Self {
-        Self { part, pattern, placement, correction, rotary, fixture, fill, focus, content, serial }
-    }
-
     /// Changes what the file names and keeps the rest.
     pub(super) fn apply(self, text: &SettingsText, to: &mut JobSettings) -> Result<(), ConfigError> {
         self.part.apply(text, to)?;

@@ -310,18 +310,19 @@ impl Station {
         let lens_table = lens_table(&text, &keys.optics, base)?;
         keys.optics.apply(&text, lens_table.as_deref(), &mut settings)?;
         keys.output.apply(&mut settings);
-        let of_light = (keys.fill, keys.focus);
-        JobKeys::from_tables(
-            keys.part,
-            keys.pattern,
-            keys.placement,
-            keys.correction,
-            keys.rotary,
-            keys.fixture,
-            of_light,
-            (keys.content, keys.serial),
-        )
-        .apply(&text, &mut settings)?;
+        let for_all_skus = JobKeys {
+            part: keys.part,
+            pattern: keys.pattern,
+            placement: keys.placement,
+            correction: keys.correction,
+            rotary: keys.rotary,
+            fixture: keys.fixture,
+            fill: keys.fill,
+            focus: keys.focus,
+            content: keys.content,
+            serial: keys.serial,
+        };
+        for_all_skus.apply(&text, &mut settings)?;
         settings.are_for_every_part();
         let folders = keys.folders.resolve(&text, base)?;
         let resolved = |path: &Spanned<PathBuf>| {
