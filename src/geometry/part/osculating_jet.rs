@@ -4,6 +4,7 @@ use multiversion::multiversion;
 use nalgebra::{Matrix2x3, Point3, SMatrix, SVector, Vector3};
 
 use super::adjacency::Neighbours;
+use super::shape_fit::cross_directions;
 
 /// Coefficients of a cubic without its constant: two slopes, three second and four third derivatives.
 const COEFFICIENTS: usize = 9;
@@ -92,8 +93,8 @@ pub(super) fn refined_normal(
     known.sort_unstable();
     known.dedup();
 
-    let across = normal.cross(&if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() }).normalize();
-    let plane = Matrix2x3::from_rows(&[across.transpose(), normal.cross(&across).transpose()]);
+    let (across, other) = cross_directions(&normal);
+    let plane = Matrix2x3::from_rows(&[across.transpose(), other.transpose()]);
     let near = nearest / radius;
     let floor = FLOOR + rounding / radius;
     let (slope, third, fourth) = (SLOPE * near, THIRD / near, FOURTH / (near * near));

@@ -18,7 +18,7 @@ use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;
 
-use cells::{Cells, is_surrounded};
+use cells::{Cells, is_surrounded, octant};
 pub use error::ScanError;
 use penalised::Smoothed;
 use round::Recognised;
@@ -399,14 +399,7 @@ fn mark_sides(
             if distance <= at_point {
                 *side = u8::MAX;
             } else if distance <= reach {
-                let is_wide = away.x.abs() >= away.y.abs();
-                *side |= 1
-                    << match (away.x >= 0.0, away.y >= 0.0) {
-                        (true, true) => usize::from(!is_wide),
-                        (false, true) => 2 + usize::from(is_wide),
-                        (false, false) => 4 + usize::from(!is_wide),
-                        (true, false) => 6 + usize::from(is_wide),
-                    };
+                *side |= octant(away);
             }
         }
     }

@@ -6,9 +6,9 @@
 //! SIGGRAPH 2007). How far away these may be follows from the distance between the points there: a hole that is wider than that is a
 //! hole, through which the laser meets what is below.
 
-use nalgebra::{Matrix3, Point3, Vector2};
+use nalgebra::{Matrix3, Point3};
 
-use super::cells::{Cells, extents_of, is_surrounded, median};
+use super::cells::{Cells, extents_of, is_surrounded, median, octant};
 use super::counts::Counts;
 use crate::geometry::height_field::STEEPEST_SURFACE;
 
@@ -95,17 +95,6 @@ fn is_behind(
         }
     }
     false
-}
-
-/// The bit of the octant in which a direction is, anticlockwise.
-fn octant(to: Vector2<f64>) -> u8 {
-    let is_wide = to.x.abs() >= to.y.abs();
-    1 << match (to.x >= 0.0, to.y >= 0.0) {
-        (true, true) => usize::from(!is_wide),
-        (false, true) => 2 + usize::from(is_wide),
-        (false, false) => 4 + usize::from(!is_wide),
-        (true, false) => 6 + usize::from(is_wide),
-    }
 }
 
 /// The standard deviation of the points across the surface on which they are, mm, from planes through a few of them and those next to

@@ -186,6 +186,17 @@ pub(super) fn median(values: &mut [f64]) -> Option<f64> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
+/// The bit of the octant in which a direction is, anticlockwise.
+pub(super) fn octant(to: Vector2<f64>) -> u8 {
+    let is_wide = to.x.abs() >= to.y.abs();
+    1 << match (to.x >= 0.0, to.y >= 0.0) {
+        (true, true) => usize::from(!is_wide),
+        (false, true) => 2 + usize::from(is_wide),
+        (false, false) => 4 + usize::from(!is_wide),
+        (true, false) => 6 + usize::from(is_wide),
+    }
+}
+
 /// Whether there are points in all four quadrants, or in octants of which no three in a row are without: either way, no half-plane
 /// is empty.
 pub(super) fn is_surrounded(octants: u8) -> bool {
