@@ -293,7 +293,7 @@ impl<'a> Search<'a> {
             if !found.is_empty() {
                 // Others may be turned about another axis.
                 piece.triangles.iter().for_each(|&triangle| is_seen[triangle] = false);
-                seed = first;
+                seed = piece.triangles[0];
             }
             for face in found {
                 face.triangles.iter().for_each(|own| is_seen[own.triangle] = true);
