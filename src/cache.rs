@@ -532,9 +532,8 @@ impl Cache {
         self.write_current(sku, &part, moment, write_whole_or_not).map(|()| true)
     }
 
-    /// Writes the current part for all versions, with `write` for the record: one that flushes, where a power cut would bring back an older
-    /// part. Versions that do not read the record would otherwise mark on an older part
-    /// after a change of the version, or at another station.
+    /// Writes the current part for all versions: those that do not read the record would otherwise mark on an older part after a change
+    /// of the version, or at another station. `write` writes the record; it must flush if a power cut could restore an older part.
     fn write_current(
         &self,
         sku: &Sku,

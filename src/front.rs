@@ -102,8 +102,15 @@ impl Settings {
         self
     }
 
-    /// These settings, overridden by settings in TOML as in a SKU's settings file: `[part]`, `[fixture]`, `[pattern]`,
-    /// `[placement]`, `[correction]`.
+    /// These settings, overridden by settings in TOML: the tables of a SKU's settings file, which are `[part]`, `[fixture]`,
+    /// `[pattern]`, `[placement]`, `[correction]`, `[rotary]`, `[fill]`, `[focus]`, `[content]` and `[serial]`.
+    ///
+    /// ```
+    /// # use isomark::{Error, Settings};
+    /// let mut settings = Settings::default().with_toml("[placement]\nrotate_deg = 90\n")?;
+    /// assert_eq!(settings.job().placement.rotate, 90f64.to_radians());
+    /// # Ok::<(), Error>(())
+    /// ```
     ///
     /// # Errors
     /// When the text contains an error; the reason gives its line.

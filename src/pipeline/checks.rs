@@ -298,7 +298,7 @@ fn unsolved<'r>(error: &SolveError, remedy: &'r str) -> (&'static str, &'r str) 
             "there is not enough memory",
             "Close other programs, or use a computer with more memory. A smaller drawing and a coarser part need less.",
         ),
-        _ => ("too little of it is smooth, or it is torn by edges, steps and damaged facets", remedy),
+        _ => ("too little of it is smooth, or it is broken up by edges, steps and damaged facets", remedy),
     }
 }
 

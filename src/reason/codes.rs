@@ -840,7 +840,7 @@ const CODES: &[Code] = &[
     ]),
     notice([
         "height-assumed",
-        "The points do not show the height of the part, and nobody gave it.",
+        "The points do not show the height of the part, and no height was given.",
         "Under a lens that is not telecentric, the points of the field that hit a part depend on its height. `isomark register` finds the \
          height together with the pose if the points show it, as points far apart do. Two edges of the part do not: a higher part whose \
          edges are a little shifted is hit in the same places. isomark then assumes a height near `z_mm` under [fixture]. The \

@@ -29,7 +29,7 @@ pub(crate) fn lens_assumed(ink: &Exposure, field: Option<&Extents>) -> Option<No
     let shift = farthest * span / distance;
     (shift > MATTERS).then(|| {
         let message = format!(
-            "nobody stated the lens, so that a telecentric one is assumed, under which height does not shift marks. Standard f-theta \
+            "the settings state no lens, so that a telecentric one is assumed, under which height does not shift marks. Standard f-theta \
              lenses are not telecentric: one over this field, about {distance:.0} mm away, would move marks of this drawing by up to \
              {shift:.1} mm against each other, as its heights span {span:.1} mm. Measure the lens with `isomark calibrate lens`; or \
              state `kind = \"telecentric\"` under [optics], if it is one"

@@ -4,9 +4,10 @@
 //! import/<name>.dxf                       the corrected drawing, and never anything else
 //! reports/<sku>/<name>.report.json        of the latest drawing or part with that name
 //! reports/<sku>/<name>.list.json          of the latest list with that name
-//! reports/<sku>/<name>.preview.svg        and .on-part.glb, .report.html
+//! reports/<sku>/<name>.preview.svg        and .on-part.glb, .report.html, .frame.dxf
 //! archive/<sku>/<name>                    originals; when a name is taken: archive/<sku>/(2)/<name> and so on
 //! archive/<sku>/current-part.txt          which archived part the surface comes from
+//! archive/<sku>/serial-numbers.json        the serial numbers that were marked
 //! rejected/[<folder>/]<name>              as it was in the hot folder; when taken: rejected/(2)/<name> and so on
 //! rejected/[<folder>/]<name>.reason.json  and .reason.txt
 //! ```
