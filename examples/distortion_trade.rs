@@ -10,7 +10,7 @@ use std::error::Error;
 use std::fmt::Write;
 
 use isomark::formats::pattern::{PatternOptions, read};
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality;

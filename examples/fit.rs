@@ -8,7 +8,7 @@ use std::fs;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
 use isomark::formats::surface::{self, SurfaceFormat};
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::Point3;

@@ -5,7 +5,7 @@
 use std::fs;
 
 use isomark::formats::pattern::{self, PatternOptions};
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 use isomark::geometry::shapes;

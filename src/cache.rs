@@ -31,7 +31,8 @@ use serde::{Deserialize, Serialize};
 use crate::config::Sku;
 use crate::files::{now_ms, read_if_there, write_whole_or_not, write_whole_unsynced, written_at_ms};
 use crate::formats::mesh::PartFacts;
-use crate::geometry::height_field::{HeightField, Node, Uncertainty};
+use crate::geometry::facing_part::Uncertainty;
+use crate::geometry::height_field::{HeightField, Node};
 use crate::geometry::mark_region::MarkRegion;
 use crate::geometry::picture_mesh::PictureMesh;
 use crate::geometry::surface::fit::{FittedSurface, Window};
@@ -909,7 +910,7 @@ mod tests {
     use crate::config::canonical::tests::everything;
     use crate::config::{PartSettings, canonical};
     use crate::formats::mesh::{MeshFormat, MeshOptions};
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::space::View;
     use crate::geometry::surface::fit::FitOptions;
 

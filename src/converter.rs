@@ -204,8 +204,9 @@ mod tests {
 
     use super::*;
     use crate::formats::mesh::{self, MeshFormat, MeshOptions, Shape};
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::fork::InTurn;
-    use crate::geometry::height_field::{FacingPart, Grid};
+    use crate::geometry::height_field::Grid;
     use crate::geometry::space::View;
 
     /// The cap, with its surface on the side of its edges: OpenCASCADE writes the offset of a surface of revolution with the wrong sign.

@@ -18,7 +18,7 @@ const STACK: usize = 8 << 20;
 ///
 /// ```
 /// use isomark::cores::Cores;
-/// use isomark::geometry::height_field::FacingPart;
+/// use isomark::geometry::facing_part::FacingPart;
 /// use isomark::geometry::shapes;
 /// use isomark::geometry::space::View;
 /// use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
@@ -97,7 +97,7 @@ fn threads() -> Option<&'static ThreadPool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::shapes;
     use crate::geometry::space::View;
     use crate::geometry::surface::fit::{FitOptions, FittedSurface};

@@ -14,7 +14,7 @@
 //! | function | result | input |
 //! |---|---|---|
 //! | [`formats::mesh::read`] | [`TriMesh`](geometry::mesh::TriMesh) | bytes of a part file |
-//! | [`FacingPart::new`](geometry::height_field::FacingPart::new) | [`FacingPart`](geometry::height_field::FacingPart) | the mesh and the side that faces the laser |
+//! | [`FacingPart::new`](geometry::facing_part::FacingPart::new) | [`FacingPart`](geometry::facing_part::FacingPart) | the mesh and the side that faces the laser |
 //! | [`FittedSurface::of_part`](geometry::surface::fit::FittedSurface::of_part) | [`HeightField`](geometry::height_field::HeightField), [`NurbsSurface`](geometry::surface::nurbs::NurbsSurface), [`Residual`](geometry::surface::fit::Residual) | the facing part |
 //! | [`formats::pattern::read`] | [`Pattern`](geometry::pattern::Pattern) | DXF, SVG or picture bytes |
 //! | [`quality::sample`](geometry::mapping::quality::sample) | [`Ink`](geometry::ink::Ink) | the placed pattern |
@@ -61,7 +61,7 @@
 //! On a can of radius 30 mm, 15 mm of a line cover an angle of 0.5 rad, so the laser must mark x = 30·sin 0.5 mm.
 //!
 //! ```
-//! use isomark::geometry::height_field::FacingPart;
+//! use isomark::geometry::facing_part::FacingPart;
 //! use isomark::geometry::mapping::isometric::IsometricOptions;
 //! use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 //! use isomark::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};

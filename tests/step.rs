@@ -11,8 +11,9 @@ use std::process::Command;
 use fs_err as fs;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions, MeshReadError, PartReading, Shape, StepProblem};
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::fork::InTurn;
-use isomark::geometry::height_field::{FacingPart, Grid, HeightField, Node};
+use isomark::geometry::height_field::{Grid, HeightField, Node};
 use isomark::geometry::space::{Facing, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use nalgebra::{Point3, Vector3};

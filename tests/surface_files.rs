@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use isomark::formats::mesh::{self, LengthUnit, MeshFormat, MeshOptions, UpAxis};
 use isomark::formats::surface::{SurfaceFormat, write};
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shapes;
 use isomark::geometry::space::{Facing, View};

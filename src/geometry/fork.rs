@@ -160,7 +160,7 @@ pub(crate) fn look_ahead<State: Sync, Seen: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::mapping::isometric::IsometricOptions;
     use crate::geometry::mapping::{LengthTrueMap, Method};
     use crate::geometry::pattern::{Color, Layer, Path, Pattern, Segment, Shape, Source};

@@ -29,7 +29,7 @@ pub use drawing::{close_lines, contour, distances, ink, ink_mesh, pattern};
 pub use laser::{belt, correction, fill, focus, frame_outline, marking, optics, rotary, sensitivity, shadow};
 use part::{adjacency, disjoint_sets, faces, flats, osculating_jet, rounding, shape_fit, sphere};
 pub use part::{
-    chord_normals, cone, cracks, curved_triangle, cylinder, flat_shading, height_field, holes, mark_region,
-    mesh, noise, point_cloud, polygons, regions, rims, shading, sides, silhouette, smooth_mesh, solid,
-    winding,
+    chord_normals, cone, cracks, curved_triangle, cylinder, facing_part, flat_shading, height_field, holes,
+    mark_region, mesh, noise, point_cloud, polygons, regions, rims, shading, sides, silhouette, smooth_mesh,
+    solid, winding,
 };

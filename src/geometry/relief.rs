@@ -1,6 +1,7 @@
 //! How much a surface changes within rectangles of the view, so that samples can be far apart where it is smooth.
 
-use crate::geometry::height_field::{Node, Uncertainty};
+use crate::geometry::facing_part::Uncertainty;
+use crate::geometry::height_field::Node;
 use crate::geometry::ink::{Block, Ink};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::fit::FittedSurface;
@@ -257,7 +258,7 @@ fn smooth_tile(surface: &FittedSurface, from: [usize; 2], to: [usize; 2]) -> Opt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::shapes;
     use crate::geometry::space::View;
     use crate::geometry::surface::fit::FitOptions;

@@ -15,7 +15,7 @@ mod far_round;
 mod floors;
 mod springs;
 
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::ink::Ink;
 use isomark::geometry::mapping::isometric::{IsometricMap, IsometricOptions};
 use isomark::geometry::mapping::quality::{self, Distortion};

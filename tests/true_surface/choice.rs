@@ -7,7 +7,8 @@ use std::fmt::Write as _;
 use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, NormalsChoice, NormalsFound, NormalsUsed, PartReading, UpAxis,
 };
-use isomark::geometry::height_field::{FacingPart, Grid, Node};
+use isomark::geometry::facing_part::FacingPart;
+use isomark::geometry::height_field::{Grid, Node};
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};

@@ -2,7 +2,8 @@
 //! normals.
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions, Shape};
-use isomark::geometry::height_field::{FacingPart, Grid, Node, PartSamples};
+use isomark::geometry::facing_part::{FacingPart, PartSamples};
+use isomark::geometry::height_field::{Grid, Node};
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::path::Path as FilePath;
 
 use isomark::formats::mesh::{self, MeshFormat, MeshOptions};
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::{LengthTrueMap, Method, quality};
 use isomark::geometry::mesh::TriMesh;

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, NormalsChoice, NormalsFound, NormalsUsed, PartReading, UpAxis,
 };
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::space::{FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};
 use isomark::reason::Notice;

@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartReading, Shape, UpAxis,
 };
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::fork::InTurn;
-use isomark::geometry::height_field::FacingPart;
 use isomark::geometry::holes;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::point_cloud::PointCloud;

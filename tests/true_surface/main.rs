@@ -28,7 +28,7 @@ mod steep_scans;
 mod sweep;
 mod winding;
 
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::space::{View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};

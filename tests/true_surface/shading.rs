@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, PartReading, Shape, UpAxis,
 };
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mapping::cylinder::CylinderFit;
 use isomark::geometry::mapping::patch::SampledPatch;
 use isomark::geometry::mesh::TriMesh;

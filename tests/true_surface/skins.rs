@@ -1,6 +1,6 @@
 //! Parts with two skins: nobody can tell which of them is marked.
 
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shapes;
 use isomark::geometry::space::View;

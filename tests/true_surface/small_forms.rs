@@ -1,6 +1,6 @@
 //! Small curved forms on wide flat parts, where the samples of the whole part are few. The truth are the formulas of the forms.
 
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::space::{Extents, FlatPoint, View, ViewPoint};
 use isomark::geometry::surface::fit::{FitOptions, FittedSurface};

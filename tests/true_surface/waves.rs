@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use isomark::formats::pattern::{PatternOptions, read};
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mapping::isometric::IsometricOptions;
 use isomark::geometry::mapping::quality::{self, Distortion};
 use isomark::geometry::mapping::{LengthTrueMap, Method};

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use isomark::formats::mesh::{
     self, LengthUnit, MeshFormat, MeshOptions, NormalsFound, NormalsUsed, PartReading, UpAxis,
 };
-use isomark::geometry::height_field::FacingPart;
+use isomark::geometry::facing_part::FacingPart;
 use isomark::geometry::mesh::TriMesh;
 use isomark::geometry::shapes;
 use isomark::geometry::space::{View, ViewPoint};

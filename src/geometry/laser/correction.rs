@@ -670,7 +670,7 @@ fn distance_to_line(point: FieldPoint, from: FieldPoint, to: FieldPoint) -> f64 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::ink::Ink;
     use crate::geometry::mapping::Method;
     use crate::geometry::mapping::isometric::IsometricOptions;

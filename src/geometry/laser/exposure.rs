@@ -196,7 +196,7 @@ fn range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::mapping::isometric::IsometricOptions;
     use crate::geometry::mapping::{LengthTrueMap, Method, quality};
     use crate::geometry::optics::{Fixture, ScanHead};

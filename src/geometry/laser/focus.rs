@@ -418,7 +418,7 @@ fn is_near(point: &Point3<f64>, from: &Point3<f64>, to: &Point3<f64>, tolerance:
 mod tests {
     use super::*;
     use crate::geometry::correction::Subdivision;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::mapping::{LengthTrueMap, Method};
     use crate::geometry::optics::{Fixture, ScanHead};
     use crate::geometry::pattern::{Path, Pattern, Segment, Shape, Source};

@@ -236,7 +236,7 @@ impl ConeMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::shapes;
     use crate::geometry::space::{Extents, View};
     use crate::geometry::surface::fit::{FitOptions, FittedSurface};

@@ -209,7 +209,7 @@ impl CylinderMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::mapping::{LengthTrueMap, Method};
     use crate::geometry::mesh::TriMesh;
     use crate::geometry::shapes;

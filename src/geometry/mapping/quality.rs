@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 use super::isometric;
-use crate::geometry::height_field::Uncertainty;
+use crate::geometry::facing_part::Uncertainty;
 use crate::geometry::ink::{Block, Ink, Piece, is_before};
 use crate::geometry::pattern::Pattern;
 use crate::geometry::relief::{Cover, Relief, ReliefMap};
@@ -714,7 +714,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::mapping::isometric::IsometricOptions;
     use crate::geometry::mapping::{LengthTrueMap, Method};
     use crate::geometry::pattern::Pattern;

@@ -7,7 +7,8 @@ use std::collections::BTreeSet;
 use nalgebra::Vector2;
 
 use super::disjoint_sets::DisjointSets;
-use super::height_field::{HeightField, NO_FACE, Node, PartSamples};
+use super::facing_part::PartSamples;
+use super::height_field::{HeightField, NO_FACE, Node};
 use crate::geometry::space::{Extents, ViewPoint};
 
 /// A point is on one of two faces if it is farther from where they meet than this share of the distance between nodes: there may be

@@ -161,7 +161,7 @@ fn cover(is_inside: &mut [bool], face: &[Point3<f64>; 3], field: &HeightField) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::shapes;
 
     #[test]

@@ -23,6 +23,7 @@ pub mod flat_shading;
 pub mod curved_triangle;
 pub mod solid;
 pub mod height_field;
+pub mod facing_part;
 pub(crate) mod faces;
 pub mod regions;
 pub mod mark_region;

@@ -90,7 +90,7 @@ fn smoothed(mut ring: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::height_field::Grid;
     use crate::geometry::shapes;
     use crate::geometry::space::{Extents, View};

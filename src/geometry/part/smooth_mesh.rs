@@ -1,34 +1,46 @@
 //! A mesh divided into smooth regions: where facets continue each other, a place has one vertex with one normal; at an
 //! edge of the part, it has one vertex for each side.
+//!
+//! `joining` runs these steps in this order:
+//!
+//! | step | modules |
+//! |---|---|
+//! | which facets continue each other, and where edges are | `plane_polygons`, `plane_facets`, `sections`, `creases`, `hidden_arcs` |
+//! | normals from the facets round a vertex | `arcs`, `long_sides`, `straightest` |
+//! | normals from the face on which its vertices are | `round`, `ends`, `rivals`, `settling`, then `cylinders`, `spheres`, `caps`, `cambers`; `plane_curve`, `strips`, `curve_strip`, `free_outlines`; `rings`, `profile`, `turned` |
+//! | what stays in doubt | `chains`, `exact_normals`, `scatter`, `slopes` |
+
+mod joining;
+mod plane_polygons;
+mod plane_facets;
+mod sections;
+mod creases;
+mod hidden_arcs;
 
 mod arcs;
-mod cambers;
-mod caps;
-mod chains;
-mod creases;
-mod cylinders;
-mod ends;
-mod exact_normals;
-mod free_outlines;
-mod hidden_arcs;
-mod joining;
 mod long_sides;
-mod plane_curve;
-mod plane_facets;
-mod plane_polygons;
-mod rings;
-mod rivals;
-mod round;
-mod scatter;
-mod sections;
-mod settling;
-mod slopes;
-mod spheres;
 mod straightest;
+
+mod round;
+mod ends;
+mod rivals;
+mod settling;
+mod cylinders;
+mod spheres;
+mod caps;
+mod cambers;
+mod plane_curve;
 mod strips;
+mod curve_strip;
+mod free_outlines;
+mod rings;
+mod profile;
 mod turned;
-#[cfg(test)]
-mod turned_tests;
+
+mod chains;
+mod exact_normals;
+mod scatter;
+mod slopes;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 

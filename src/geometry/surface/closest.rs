@@ -33,7 +33,7 @@ impl NurbsSurface {
     /// one of them is returned.
     ///
     /// ```
-    /// use isomark_geometry::height_field::FacingPart;
+    /// use isomark_geometry::facing_part::FacingPart;
     /// use isomark_geometry::shapes;
     /// use isomark_geometry::space::View;
     /// use isomark_geometry::surface::fit::{FitOptions, FittedSurface};

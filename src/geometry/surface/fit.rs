@@ -11,10 +11,9 @@ use nalgebra::{Vector2, Vector3};
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
+use crate::geometry::facing_part::{FacingPart, PartSamples, Skins, Slope, Uncertainty};
 use crate::geometry::fork::{Fork, InTurn, found, join, start};
-use crate::geometry::height_field::{
-    FacingPart, Grid, HeightField, Node, PartSamples, STEEPEST_SURFACE, Skins, Slope, Uncertainty, grown,
-};
+use crate::geometry::height_field::{Grid, HeightField, Node, STEEPEST_SURFACE, grown};
 use crate::geometry::normal_equations::{
     CellRow, CellSum, EquationRows, GridSolver, NormalEquations, SolveError,
 };
@@ -482,8 +481,8 @@ impl FittedSurface {
     /// The surface with the doubts about each node of its field (see [`PartSamples::doubts`] and
     /// [`PartSamples::uncertainties`]). Lists whose length does not match the field are ignored.
     ///
-    /// [`PartSamples::doubts`]: crate::geometry::height_field::PartSamples::doubts
-    /// [`PartSamples::uncertainties`]: crate::geometry::height_field::PartSamples::uncertainties
+    /// [`PartSamples::doubts`]: crate::geometry::facing_part::PartSamples::doubts
+    /// [`PartSamples::uncertainties`]: crate::geometry::facing_part::PartSamples::uncertainties
     pub fn doubted(self, doubts: Vec<f64>, uncertainties: Vec<Uncertainty>) -> Self {
         let nodes = self.field.nodes().len();
         let doubts = if doubts.len() == nodes { doubts } else { Vec::new() };

@@ -12,8 +12,9 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Point3, Vector2};
 
 use crate::geometry::adjacency::weld;
+use crate::geometry::facing_part::Uncertainty;
 use crate::geometry::fork::{Fork, InTurn, mapped, start};
-use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty};
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE};
 use crate::geometry::point_cloud::PointCloud;
 use crate::geometry::space::{Extents, View, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Point3, Vector2};
 
 use super::*;
-use crate::geometry::height_field::FacingPart;
+use crate::geometry::facing_part::FacingPart;
 use crate::geometry::mapping::LengthTrueMap;
 use crate::geometry::mapping::isometric::IsometricOptions;
 use crate::geometry::optics::{Fixture, Lens, ScanHead};

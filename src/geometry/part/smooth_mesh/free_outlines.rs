@@ -6,8 +6,8 @@
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 
 use super::SmoothMesh;
+use super::curve_strip::CurveStrip;
 use super::ends::{Surface, range};
-use super::plane_curve::CurveStrip;
 use super::round::principal;
 use crate::geometry::adjacency::{NONE, facet_normal, width};
 

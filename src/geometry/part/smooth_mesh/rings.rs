@@ -6,7 +6,7 @@ use nalgebra::{Matrix4, Point3, Vector2, Vector3, Vector4};
 
 use super::MOST_BEND;
 use super::ends::range;
-use super::plane_curve::RingPlace;
+use super::profile::RingPlace;
 use crate::geometry::adjacency::NONE;
 use crate::geometry::shape_fit::cross_directions;
 

@@ -416,7 +416,7 @@ mod tests {
     use nalgebra::{Point3, Vector3};
 
     use super::{SHORTEST, SmoothMesh};
-    use crate::geometry::height_field::FacingPart;
+    use crate::geometry::facing_part::FacingPart;
     use crate::geometry::mesh::TriMesh;
     use crate::geometry::space::{View, ViewPoint};
     use crate::geometry::surface::fit::{FitOptions, FittedSurface};

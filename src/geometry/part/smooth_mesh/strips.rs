@@ -9,10 +9,10 @@ use std::collections::{BTreeSet, VecDeque};
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
+use super::curve_strip::CurveStrip;
 use super::ends::{Straight, Surface, Surroundings, precision, range};
 use super::free_outlines;
 use super::hidden_arcs::HiddenArc;
-use super::plane_curve::CurveStrip;
 use super::settling::Settling;
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
 use crate::geometry::disjoint_sets::DisjointSets;

@@ -10,8 +10,9 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::windows::covering;
 use super::{Data, FACE_REACH, FitError, FitOptions, FittedSurface, Window};
+use crate::geometry::facing_part::Uncertainty;
 use crate::geometry::fork::Fork;
-use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, Uncertainty, grown};
+use crate::geometry::height_field::{HeightField, Node, STEEPEST_SURFACE, grown};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::knots::DEGREE;
 use crate::geometry::surface::nurbs::NurbsSurface;

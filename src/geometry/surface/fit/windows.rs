@@ -12,10 +12,9 @@ use nalgebra::Vector2;
 
 use super::{Data, FittedSurface, NODES_PER_SPAN, Residual, SWING_REACH, Window};
 use crate::geometry::faces::joined;
+use crate::geometry::facing_part::{FacingPart, PartSamples, Uncertainty};
 use crate::geometry::fork::Fork;
-use crate::geometry::height_field::{
-    FacingPart, Grid, HeightField, NO_FACE, Node, PartSamples, Uncertainty, grown,
-};
+use crate::geometry::height_field::{Grid, HeightField, NO_FACE, Node, grown};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;
 

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Point3, Rotation3, Vector3};
 
-use super::SmoothMesh;
 use crate::geometry::mesh::TriMesh;
+use crate::geometry::smooth_mesh::SmoothMesh;
 use crate::geometry::space::View;
 
 /// A surface over two parameters, along the profile in mm and from 0 to 1 across it, with its unit normal.
