@@ -68,6 +68,9 @@ pub const NORMAL_TOLERANCE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 /// smaller angle are tangent.
 const EXACT_NORMAL_TOLERANCE: f64 = 0.3 * std::f64::consts::PI / 180.0;
 
+/// Meshes with more triangles are not searched for faces: they are fine, and a search would take long.
+const MOST_SEARCHED: usize = 300_000;
+
 /// Facets of one smooth face turn by less than this, rad, in any tessellation, also across a corner of both arcs of a sphere.
 pub(super) const MOST_BEND: f64 = 0.75;
 

@@ -11,6 +11,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::knots::{DEGREE, UniformKnots};
 use super::nurbs::{NurbsSurface, SurfaceJet};
+use super::summed_area::SummedArea;
 use crate::geometry::facing_part::{FacingPart, PartSamples, Skins, Slope, Uncertainty};
 use crate::geometry::fork::{Fork, InTurn, found, join, start};
 use crate::geometry::height_field::{Grid, HeightField, Node, STEEPEST_SURFACE, grown};
@@ -215,46 +216,6 @@ struct Turn {
     steep: f64,
 }
 
-/// Sums of values at the nodes of a grid over squares of it, from the sums over all rectangles at its corner (Crow, Summed-area
-/// tables for texture mapping, SIGGRAPH 1984).
-struct Sums {
-    columns: usize,
-    rows: usize,
-    /// The sums over all nodes left of and below each corner of the nodes' cells.
-    sums: Vec<[f64; 3]>,
-}
-
-impl Sums {
-    fn of(columns: usize, rows: usize, values: impl Iterator<Item = (usize, [f64; 3])>) -> Self {
-        let width = columns + 1;
-        let mut sums = vec![[0.0; 3]; width * (rows + 1)];
-        for (node, value) in values {
-            sums[(node / columns + 1) * width + node % columns + 1] = value;
-        }
-        for row in 1..=rows {
-            for column in 1..=columns {
-                let at = row * width + column;
-                for part in 0..3 {
-                    sums[at][part] +=
-                        sums[at - 1][part] + sums[at - width][part] - sums[at - width - 1][part];
-                }
-            }
-        }
-        Self { columns, rows, sums }
-    }
-
-    /// The sums over the nodes within `reach` columns and rows of a node.
-    fn round(&self, node: usize, reach: usize) -> [f64; 3] {
-        let range = |at: usize, count: usize| [at.saturating_sub(reach), (at + reach + 1).min(count)];
-        let [left, right] = range(node % self.columns, self.columns);
-        let [low, high] = range(node / self.columns, self.rows);
-        let at = |column: usize, row: usize| self.sums[row * (self.columns + 1) + column];
-        std::array::from_fn(|part| {
-            at(right, high)[part] - at(left, high)[part] - at(right, low)[part] + at(left, low)[part]
-        })
-    }
-}
-
 /// The nodes that a surface is fitted to.
 struct Data<'a> {
     field: &'a HeightField,
@@ -378,9 +339,10 @@ impl FittedSurface {
         if !turns.iter().any(is_notable) {
             return self.uncertainties.clone();
         }
-        let values =
-            turns.iter().map(|turn| (turn.node, [turn.off * turn.off, f64::from(is_notable(turn)), 1.0]));
-        let sums = Sums::of(columns, rows, values);
+        let values = turns
+            .iter()
+            .map(|turn| (turn.node, Vector3::new(turn.off * turn.off, f64::from(is_notable(turn)), 1.0)));
+        let sums = SummedArea::of([columns, rows], values);
         let mut uncertainties = self.uncertainties.clone();
         uncertainties.resize(columns * rows, Uncertainty::NONE);
         for Turn { node, off, .. } in turns.into_iter().filter(is_notable) {
@@ -388,7 +350,7 @@ impl FittedSurface {
             let times = if is_at_edge.get(node) == Some(&true) { 1.0 } else { BETWEEN_NODES };
             let of_jump = times * off / Uncertainty::PEAK;
             // Where it differs all round, as on ribs that the samples do not show, it is a mean.
-            let [squares, notable, all] = sums.round(node, ROUND);
+            let [[squares, notable, all]] = sums.round(node, ROUND).data.0;
             let of_ribs = if 2.0 * notable > all { off.min((squares / all).max(0.0).sqrt()) } else { 0.0 };
             let slope = of_jump.max(of_ribs) as f32;
             let known = &mut uncertainties[node];

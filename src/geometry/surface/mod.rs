@@ -6,3 +6,4 @@ pub mod closest;
 pub mod fit;
 pub mod scan;
 mod kinks;
+mod summed_area;

@@ -29,7 +29,6 @@ use visible::{ROUGHEST, Region};
 
 mod error;
 mod smoothing;
-mod counts;
 mod behind;
 mod cells;
 mod visible;

@@ -32,6 +32,10 @@ const ENOUGH_SPARE: usize = 4;
 const ENOUGH_TO_CHECK: usize = 3;
 /// Rotations from which the search starts when points do not show one.
 const STARTS: u32 = 12;
+/// Steps of the numerical derivatives: x and y, mm; rotation, rad; height, mm.
+const STEPS: [f64; 4] = [1e-4, 1e-4, 1e-6, 1e-3];
+/// The same of a tilt, rad.
+const STEP_OF_TILT: f64 = 1e-6;
 
 /// A point of the part and where the beam hits it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -405,8 +409,7 @@ impl Problem<'_> {
         }
         let mut start = fixed.solution.unknowns.as_slice().to_vec();
         start.push(self.z);
-        let steps = [1e-4, 1e-4, 1e-6, 1e-3];
-        let free = least_squares::nonlinear(&start, &steps, |at| self.residuals(contacts, at));
+        let free = least_squares::nonlinear(&start, &STEPS, |at| self.residuals(contacts, at));
         let is_found = |free: &Solution| free.uncertainty(3, contacts.reading) <= WORST_HEIGHT;
         if let Some(solution) = free.filter(is_found) {
             return Ok(Found { solution, height: HeightIs::Found, z: self.z });
@@ -416,7 +419,7 @@ impl Problem<'_> {
         }
         // The assumption as one more observation, so that all uncertainties follow from it.
         let share = contacts.reading / ASSUMED_HEIGHT;
-        let assumed = least_squares::nonlinear(&start, &steps, |at| {
+        let assumed = least_squares::nonlinear(&start, &STEPS, |at| {
             let mut residuals = self.residuals(contacts, at)?;
             residuals.push((self.z - at[3]) * share);
             Some(residuals)
@@ -431,8 +434,7 @@ impl Problem<'_> {
         let mut start = found.solution.unknowns.as_slice().to_vec();
         let height = start.len() - 3;
         start.extend([0.0, 0.0]);
-        let steps: Vec<f64> =
-            [1e-4, 1e-4, 1e-6, 1e-3].into_iter().take(3 + height).chain([1e-6, 1e-6]).collect();
+        let steps: Vec<f64> = STEPS.into_iter().take(3 + height).chain([STEP_OF_TILT; 2]).collect();
         let solution = least_squares::nonlinear(&start, &steps, |at| {
             let (pose, tilt) = at.split_at(at.len() - 2);
             let turn = Rotation3::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0));
@@ -485,7 +487,7 @@ impl Problem<'_> {
             let moved = Fixture { rotation, ..Fixture::default() }.point(views.into());
             let at = self.head.cast(hits.into(), self.z + views.z);
             let start = [at.x - moved.x, at.y - moved.y, rotation];
-            least_squares::nonlinear(&start, &[1e-4, 1e-4, 1e-6], |at| self.residuals(contacts, at))
+            least_squares::nonlinear(&start, &STEPS[..3], |at| self.residuals(contacts, at))
         });
         let rank = |found: &Solution| {
             found.residuals.norm() + contacts.reading * self.overshoot(found.unknowns.as_slice(), contacts)

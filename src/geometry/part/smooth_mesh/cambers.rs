@@ -7,12 +7,12 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::SmoothMesh;
 use super::creases::Facing;
 use super::cylinders::{Group, LEAST_ANGLES, LEAST_VERTICES, OnMesh, SAME_ANGLE};
 use super::ends::{Surroundings, precision, rounding};
 use super::rivals::{Others, cylinders, mean_normal, others, squares};
 use super::round::{Camber, Round};
+use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle, sliver_side};
 use crate::geometry::fork::{Fork, mapped};
 use crate::geometry::shape_fit::cross_directions;
@@ -41,8 +41,6 @@ const OF_ROUNDING: f64 = 3.0;
 const LEAST_AT_STAKE: f64 = 0.016;
 /// Rounds in which a cylinder is fitted to the facets that it has gained.
 const ROUNDS: usize = 4;
-/// Meshes with more triangles are fine; a search would take long.
-const MOST_TRIANGLES: usize = 300_000;
 
 /// What a mesh shows of its facets.
 pub(super) struct Shown<'a> {
@@ -58,7 +56,7 @@ pub(super) struct Shown<'a> {
 
 /// The cambers of a mesh that have a chord between facets that meet at an angle and are not known to be of a cylinder.
 pub(super) fn found(mesh: &SmoothMesh, shown: &Shown<'_>, fork: &dyn Fork) -> Vec<Camber> {
-    if !shown.estimated.contains(&true) || mesh.triangles.len() > MOST_TRIANGLES {
+    if !shown.estimated.contains(&true) || mesh.triangles.len() > MOST_SEARCHED {
         return Vec::new();
     }
     let near = precision(mesh).max(rounding(shown.written));

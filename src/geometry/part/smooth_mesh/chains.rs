@@ -65,7 +65,7 @@ pub(super) fn of_cubic(first: f64, last: f64) -> f64 {
 }
 
 /// A straight line up to where it ends in a bend.
-struct Straight {
+struct StraightRun {
     /// The vertex at its end, and the one beyond.
     end: u32,
     beyond: u32,
@@ -215,13 +215,13 @@ impl<'a> Chains<'a> {
     }
 
     /// The last piece of a straight line from a side on.
-    fn to_bend(&self, [mut from, mut end]: [u32; 2]) -> Option<Straight> {
+    fn to_bend(&self, [mut from, mut end]: [u32; 2]) -> Option<StraightRun> {
         let mut length = self.distance([from, end]);
         for pieces in 1..=MOST_PIECES {
             let beyond = self.straight_on(from, end)?;
             let turn = self.turn_at(end, [from, beyond]);
             if turn.abs() > STRAIGHT {
-                return Some(Straight { end, beyond, turn, length, pieces });
+                return Some(StraightRun { end, beyond, turn, length, pieces });
             }
             (from, end) = (end, beyond);
             length += self.distance([from, end]);
@@ -230,8 +230,8 @@ impl<'a> Chains<'a> {
     }
 
     /// The bend at the end of a straight line of such a length, mm; `None` where the curve ends, or the arc is tangent to it.
-    fn bend_at(&self, straight: &Straight, length: f64) -> Option<Bend> {
-        let Straight { end, beyond, turn, .. } = *straight;
+    fn bend_at(&self, straight: &StraightRun, length: f64) -> Option<Bend> {
+        let StraightRun { end, beyond, turn, .. } = *straight;
         let mut side = [end, beyond];
         let lean = match self.lean_of_even_sides(side) {
             Some(of_arc) => turn - of_arc,

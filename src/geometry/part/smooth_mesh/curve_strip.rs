@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{Point3, Vector3};
 
 use super::SmoothMesh;
-use super::ends::{Straight, Surface};
+use super::ends::{Ruled, Surface};
 use super::plane_curve::{LEAST_POINTS, OF_OFF, Place, Placed, PlaneCurve};
 use crate::geometry::adjacency::{facet_normal, sliver_side};
 use crate::geometry::disjoint_sets::DisjointSets;
@@ -230,7 +230,7 @@ impl Surface for CurveStrip<'_> {
     }
 }
 
-impl Straight for CurveStrip<'_> {
+impl Ruled for CurveStrip<'_> {
     fn ruling(&self, _: &Point3<f64>) -> Vector3<f64> {
         self.curve.axis
     }

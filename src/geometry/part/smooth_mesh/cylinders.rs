@@ -12,11 +12,11 @@ mod search;
 use nalgebra::{Point3, Vector3};
 
 use super::chains;
-use super::ends::{Straight, Surface, Surroundings, precision, rounding};
+use super::ends::{Ruled, Surface, Surroundings, precision, rounding};
 use super::rivals::{Others, apart, others};
 use super::round::{Camber, Round};
 use super::settling::Settling;
-use super::{MOST_BEND, SmoothMesh};
+use super::{MOST_BEND, MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle};
 use crate::geometry::cone::Cone;
 use crate::geometry::fork::{Fork, found, look_ahead};
@@ -44,8 +44,6 @@ const ESTIMATED: f64 = 0.8;
 const MOST_VAIN_CONES: usize = 1_000;
 /// At most this many looks for each triangle on average: nearly every facet of some surfaces begins a cylinder of its own.
 const MOST_VISITS: usize = 8;
-/// Meshes with more triangles are fine; a search would take long.
-const MOST_TRIANGLES: usize = 300_000;
 /// A side of a twisted prism ends on helices, which are on a cylinder as well. It is told from facets of the cylinder by this share of
 /// its triangles that have no other one beside them round the axis, and by what follows: facets turn by less than this share of what
 /// those beside one of the cylinder do.
@@ -131,7 +129,7 @@ pub(super) fn settle(
     fork: &dyn Fork,
 ) -> Rounds {
     let count = mesh.triangles.len();
-    if count > MOST_TRIANGLES || !estimated.contains(&true) {
+    if count > MOST_SEARCHED || !estimated.contains(&true) {
         return Rounds::default();
     }
     let near = precision(mesh);
@@ -393,7 +391,7 @@ impl Surface for OnMesh<'_> {
     }
 }
 
-impl Straight for OnMesh<'_> {
+impl Ruled for OnMesh<'_> {
     fn ruling(&self, at: &Point3<f64>) -> Vector3<f64> {
         self.group.round.ruling(at)
     }

@@ -86,7 +86,7 @@ pub(super) trait Surface {
 }
 
 /// A surface of straight lines that begin and end alike: parallel ones, or those of a cone.
-pub(super) trait Straight: Surface {
+pub(super) trait Ruled: Surface {
     /// The unit direction of the line that is nearest to a point.
     fn ruling(&self, at: &Point3<f64>) -> Vector3<f64>;
 
@@ -210,7 +210,7 @@ impl<'a> Surroundings<'a> {
 
     /// Whether nothing beyond the ends of a surface contradicts it. The neighbours of the mesh's vertices are found for the first
     /// surface that has ends.
-    pub(super) fn confirm(&self, surface: &impl Straight, around: &mut Option<Neighbours>) -> bool {
+    pub(super) fn confirm(&self, surface: &impl Ruled, around: &mut Option<Neighbours>) -> bool {
         let ends = self.ends(surface.triangles());
         if ends.is_empty() {
             return true;
@@ -268,7 +268,7 @@ impl<'a> Surroundings<'a> {
 
     /// The radius of an arc that begins at a rim in the direction of the surface, mm: most first vertices beyond the rim are on it,
     /// at different distances. A rim is across the lines.
-    fn arc_beyond(&self, surface: &impl Straight, ends: &[(End, usize)]) -> Option<f64> {
+    fn arc_beyond(&self, surface: &impl Ruled, ends: &[(End, usize)]) -> Option<f64> {
         let along = ends.iter().flat_map(|(_, side)| self.mesh.ends(*side)).map(|at| surface.along(&at));
         let [low, high] = range(along);
         if high - low > self.near {
@@ -285,7 +285,7 @@ impl<'a> Surroundings<'a> {
     }
 
     /// By how much the normals of a surface turn across its lines at most, rad/mm.
-    fn largest_curvature(&self, surface: &impl Straight) -> f64 {
+    fn largest_curvature(&self, surface: &impl Ruled) -> f64 {
         let sides = surface.triangles().iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
         let curvature = |side: usize| {
             let [from, to] = self.mesh.ends(side);
@@ -301,7 +301,7 @@ impl<'a> Surroundings<'a> {
     /// Where a vertex is beyond the rims of a surface, and beyond which of them, if it is.
     fn beyond(
         &self,
-        surface: &impl Straight,
+        surface: &impl Ruled,
         [low, high]: [f64; 2],
         side: usize,
         vertex: u32,

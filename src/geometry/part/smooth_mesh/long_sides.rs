@@ -50,7 +50,7 @@ const MORE_IN_LINE: f64 = 0.5;
 
 /// One end of a side that may be straight.
 #[derive(Clone, Copy)]
-pub(super) struct End {
+pub(super) struct SideEnd {
     vertex: u32,
     /// From the vertex to the other end, mm.
     chord: Vector3<f64>,
@@ -60,7 +60,7 @@ pub(super) struct End {
 
 /// Turns normals at the ends of straight sides to a right angle with them. Returns the vertices whose side is much longer than all
 /// others there, so that it is known better than their narrow facets.
-pub(super) fn straighten(mesh: &mut SmoothMesh, mut straight: Vec<End>) -> Vec<u32> {
+pub(super) fn straighten(mesh: &mut SmoothMesh, mut straight: Vec<SideEnd>) -> Vec<u32> {
     // The longest side of a vertex comes first.
     straight.sort_by(|one, other| {
         let lengths = [other, one].map(|end| end.chord.norm_squared());
@@ -71,10 +71,10 @@ pub(super) fn straighten(mesh: &mut SmoothMesh, mut straight: Vec<End>) -> Vec<u
     known.dedup();
     let at_vertices = straight.chunk_by(|one, other| one.vertex == other.vertex);
     let longest = at_vertices.flat_map(|sides| &sides[..sides.len().min(MOST_SIDES)]);
-    let held: Vec<End> = longest.map(|end| straight_beside(mesh, end).unwrap_or(*end)).collect();
+    let held: Vec<SideEnd> = longest.map(|end| straight_beside(mesh, end).unwrap_or(*end)).collect();
     for sides in held.chunk_by(|one, other| one.vertex == other.vertex) {
         let vertex = sides[0].vertex as usize;
-        for End { chord, .. } in sides {
+        for SideEnd { chord, .. } in sides {
             let normal = mesh.normals[vertex];
             let level = normal - chord * (normal.dot(chord) / chord.norm_squared());
             mesh.normals[vertex] = level.try_normalize(0.0).unwrap_or(normal);
@@ -84,7 +84,7 @@ pub(super) fn straighten(mesh: &mut SmoothMesh, mut straight: Vec<End>) -> Vec<u
 }
 
 /// The side beside a diagonal of a twisted side, at the same vertex, that is straight instead of it; `None` for all others.
-fn straight_beside(mesh: &SmoothMesh, end: &End) -> Option<End> {
+fn straight_beside(mesh: &SmoothMesh, end: &SideEnd) -> Option<SideEnd> {
     let at = mesh.positions[end.vertex as usize];
     let facets = [end.side, mesh.continued[end.side] as usize];
     let others = facets.into_iter().flat_map(|own| [1, 2].map(|turn| own / 3 * 3 + (own % 3 + turn) % 3));
@@ -97,7 +97,7 @@ fn straight_beside(mesh: &SmoothMesh, end: &End) -> Option<End> {
         };
         let chord = mesh.positions[far as usize] - at;
         let is_beside = chord.dot(&end.chord) > BESIDE * chord.norm() * end.chord.norm();
-        (is_beside && mesh.continued[side] != NONE).then_some(End { vertex: end.vertex, chord, side })
+        (is_beside && mesh.continued[side] != NONE).then_some(SideEnd { vertex: end.vertex, chord, side })
     });
     let mut beside = beside.filter(|other| is_convex(mesh, other.side) != is_convex(mesh, end.side));
     let limit = MORE_IN_LINE * turns_aside(mesh, end);
@@ -114,12 +114,12 @@ fn is_convex(mesh: &SmoothMesh, side: usize) -> bool {
 
 /// By how much a side turns within the surface at both of its ends, where it goes on to the next vertices most nearly straight ahead, as
 /// the sum of two sines; an end at which it does not go on adds nothing.
-fn turns_aside(mesh: &SmoothMesh, end: &End) -> f64 {
+fn turns_aside(mesh: &SmoothMesh, end: &SideEnd) -> f64 {
     let corners = mesh.triangles[end.side / 3];
     let ends = [corners[end.side % 3], corners[(end.side % 3 + 1) % 3]];
     let far = if ends[0] == end.vertex { ends[1] } else { ends[0] };
-    let there = End { vertex: far, chord: -end.chord, side: end.side };
-    let turn = |End { vertex, chord, side }: &End| {
+    let there = SideEnd { vertex: far, chord: -end.chord, side: end.side };
+    let turn = |SideEnd { vertex, chord, side }: &SideEnd| {
         let (at, normal) = (mesh.positions[*vertex as usize], mesh.normals[*vertex as usize]);
         let (Some(along), Some(across)) = (chord.try_normalize(0.0), normal.cross(chord).try_normalize(0.0))
         else {
@@ -147,7 +147,7 @@ pub(super) fn ends_of_straight_sides(
     estimated: &[bool],
     chosen: &[bool],
     fork: &dyn Fork,
-) -> Vec<End> {
+) -> Vec<SideEnd> {
     let facets =
         Facets { positions: &mesh.positions, triangles: &mesh.triangles, continued: &mesh.continued };
     let normal = |side: usize| facet_normal(facets.corners(side / 3));
@@ -172,10 +172,11 @@ pub(super) fn ends_of_straight_sides(
             let contains = |triangle| facet_normal(facets.corners(triangle)).dot(&chord).abs() < limit;
             find_round(mesh, vertex, side, |triangle, _| !contains(triangle)).is_none()
         });
-        let ends = [End { vertex: ends[0], chord, side }, End { vertex: ends[1], chord: -chord, side }];
+        let ends =
+            [SideEnd { vertex: ends[0], chord, side }, SideEnd { vertex: ends[1], chord: -chord, side }];
         let leaning = || ends.iter().zip(leans).filter(|(_, leans)| *leans).map(|(end, _)| end);
         let bulges_alone = leaning().all(|end| is_much_longer(mesh, end) && bulges_alone(mesh, end));
-        let is_straight = |end: &End| is_ruling || bulges_alone || bends_from(mesh, &facets, end);
+        let is_straight = |end: &SideEnd| is_ruling || bulges_alone || bends_from(mesh, &facets, end);
         Some([0, 1].map(|index| leans[index].then(|| (ends[index], is_straight(&ends[index])))))
     });
     let (mut straight, mut open) = (Vec::new(), Vec::new());
@@ -187,11 +188,11 @@ pub(super) fn ends_of_straight_sides(
 }
 
 /// Adds the `open` sides that run beside a straight one, as long as it and in its direction: the sides of a cylinder are alike.
-fn add_parallel(mesh: &SmoothMesh, straight: &mut Vec<End>, mut open: Vec<End>) {
+fn add_parallel(mesh: &SmoothMesh, straight: &mut Vec<SideEnd>, mut open: Vec<SideEnd>) {
     let mut known: BTreeMap<u32, Vec<Vector3<f64>>> = BTreeMap::new();
     straight.iter().for_each(|end| known.entry(end.vertex).or_default().push(end.chord));
     for _ in 0..MOST_PARALLEL {
-        let is_alike = |end: &End| {
+        let is_alike = |end: &SideEnd| {
             let alike = |vertex: &u32| {
                 let chords = known.get(vertex).into_iter().flatten();
                 chords.into_iter().any(|other| (other - end.chord).norm() < PARALLEL * end.chord.norm())
@@ -245,7 +246,7 @@ fn find_round(
 
 /// Whether any offset is wanted of those from an end of a side to the other corners of the facets round it, mm. Those nearly in
 /// the direction of the side do not count.
-fn any_aside(mesh: &SmoothMesh, end: &End, mut is_wanted: impl FnMut(Vector3<f64>) -> bool) -> bool {
+fn any_aside(mesh: &SmoothMesh, end: &SideEnd, mut is_wanted: impl FnMut(Vector3<f64>) -> bool) -> bool {
     let at = mesh.positions[end.vertex as usize];
     let long = end.chord.norm();
     find_round(mesh, end.vertex, end.side, |triangle, _| {
@@ -257,12 +258,12 @@ fn any_aside(mesh: &SmoothMesh, end: &End, mut is_wanted: impl FnMut(Vector3<f64
 }
 
 /// Whether a side is much longer than all others at an end of it.
-fn is_much_longer(mesh: &SmoothMesh, end: &End) -> bool {
+fn is_much_longer(mesh: &SmoothMesh, end: &SideEnd) -> bool {
     !any_aside(mesh, end, |other| MUCH_LONGER * other.norm() > end.chord.norm())
 }
 
 /// Whether a side would bulge much farther than the others at an end of it, of which some lead away from it.
-fn bulges_alone(mesh: &SmoothMesh, end: &End) -> bool {
+fn bulges_alone(mesh: &SmoothMesh, end: &SideEnd) -> bool {
     let normal = mesh.normals[end.vertex as usize];
     let (long, limit) = (end.chord.norm(), normal.dot(&end.chord).abs() / IMPLAUSIBLE);
     let mut leads_away = false;
@@ -274,7 +275,7 @@ fn bulges_alone(mesh: &SmoothMesh, end: &End) -> bool {
 }
 
 /// Whether the section behind an end of a side begins to bend there, in the direction of the side.
-fn bends_from(mesh: &SmoothMesh, facets: &Facets, &End { vertex, chord, side }: &End) -> bool {
+fn bends_from(mesh: &SmoothMesh, facets: &Facets, &SideEnd { vertex, chord, side }: &SideEnd) -> bool {
     let Some(across) = mesh.normals[vertex as usize].cross(&chord).try_normalize(0.0) else { return false };
     // The directions of the pieces as a straight line over the way from the vertex, by least squares.
     let long = chord.norm();

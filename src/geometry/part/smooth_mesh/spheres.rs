@@ -9,11 +9,11 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-use super::SmoothMesh;
 use super::caps;
 use super::creases::Facing;
 use super::ends::{Surface, Surroundings, precision};
 use super::settling::Settling;
+use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
 use crate::geometry::fork::{Fork, join};
 use crate::geometry::shape_fit::cross_directions;
@@ -46,8 +46,6 @@ const EXACT: f64 = 1e-3;
 const MOST_OFF: f64 = 0.06;
 /// Triangles are looked at so many times on average, at most.
 const MOST_VISITS: usize = 4;
-/// Meshes with more triangles are fine; a search would take long.
-const MOST_TRIANGLES: usize = 300_000;
 /// Facets to which a sphere is fitted, at most.
 const MOST_FITTED: usize = 400;
 /// Rounds in which a sphere is fitted to the facets that it has gained.
@@ -97,7 +95,7 @@ pub(super) fn settle(
     is_round: &[bool],
     fork: &dyn Fork,
 ) -> Vec<Facing> {
-    if mesh.triangles.len() > MOST_TRIANGLES {
+    if mesh.triangles.len() > MOST_SEARCHED {
         return Vec::new();
     }
     let is_open = open(mesh, estimated);

@@ -8,12 +8,12 @@ use std::collections::{BTreeSet, VecDeque};
 
 use nalgebra::{Point3, Vector3};
 
-use super::SmoothMesh;
 use super::curve_strip::CurveStrip;
-use super::ends::{Straight, Surface, Surroundings, precision, range};
+use super::ends::{Ruled, Surface, Surroundings, precision, range};
 use super::free_outlines;
 use super::hidden_arcs::HiddenArc;
 use super::settling::Settling;
+use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
 use crate::geometry::disjoint_sets::DisjointSets;
 use crate::geometry::fork::{Fork, found, look_ahead};
@@ -32,8 +32,6 @@ const COPLANAR: f64 = 1e-3;
 const MOST_STEPS: usize = 6 * LEAST_RULINGS;
 /// The same for all rulings.
 const MOST_STEPS_IN_ALL: usize = 1_000_000;
-/// Meshes with more triangles are fine; a search would take long.
-const MOST_TRIANGLES: usize = 300_000;
 /// Triangles that are looked at for all strips, at most: strips of more are fine, and estimated well with their neighbours.
 const MOST_VISITS: usize = 20_000;
 
@@ -103,7 +101,7 @@ fn certain_strips(
     fork: &dyn Fork,
 ) -> Vec<Settled> {
     let count = mesh.triangles.len();
-    if count > MOST_TRIANGLES || !estimated.contains(&true) {
+    if count > MOST_SEARCHED || !estimated.contains(&true) {
         return Vec::new();
     }
     let (mut surroundings, mut around) = (None, None);
@@ -448,7 +446,7 @@ impl Surface for Strip<'_> {
     }
 }
 
-impl Straight for Strip<'_> {
+impl Ruled for Strip<'_> {
     fn ruling(&self, _: &Point3<f64>) -> Vector3<f64> {
         self.axis
     }

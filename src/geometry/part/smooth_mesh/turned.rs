@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Point3, Vector3};
 
-use super::SmoothMesh;
 use super::chains::OF_TURNED;
 use super::ends::{Surface, Surroundings};
 use super::plane_curve::Place;
 use super::profile::{Profile, RingPlace};
 use super::rings::{Axis, LEAST_ON_RING, LEAST_RINGS, MOST_BESIDE, Rings, curves};
 use super::settling::Settling;
+use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours};
 use crate::geometry::fork::Fork;
 
@@ -40,8 +40,6 @@ const MOST_STARTS: usize = 200;
 const MOST_NEIGHBOURS: usize = 16;
 /// Triangles are looked at so many times on average, at most.
 const MOST_VISITS: usize = 16;
-/// Meshes with more triangles are fine; a search would take long.
-const MOST_TRIANGLES: usize = 300_000;
 /// The profile is used at a ring where it leaves at most this share of the doubt of the facets there.
 const BETTER: f64 = 0.5;
 /// Known normals belong to the profile where they pass the axis within this, as a sine.
@@ -259,7 +257,7 @@ struct Piece {
 impl<'a> Search<'a> {
     fn faces(mesh: &'a SmoothMesh, is_open: &'a [bool], near: f64) -> Vec<Turned<'a>> {
         let count = mesh.triangles.len();
-        if count > MOST_TRIANGLES || !is_open.contains(&true) {
+        if count > MOST_SEARCHED || !is_open.contains(&true) {
             return Vec::new();
         }
         let is_first = |triangle: usize| {

@@ -9,8 +9,8 @@
 use nalgebra::{Matrix3, Point3};
 
 use super::cells::{Cells, extents_of, is_surrounded, median, octant};
-use super::counts::Counts;
 use crate::geometry::height_field::STEEPEST_SURFACE;
+use crate::geometry::surface::summed_area::SummedArea;
 
 /// Side of a cell, in units of the mean distance between the points.
 const CELL: f64 = 0.7;
@@ -43,14 +43,15 @@ pub(super) fn behind_others(points: &[Point3<f64>], inside: &[u32]) -> Vec<bool>
     let side = CELL * (size.x * size.y / inside.len() as f64).sqrt();
     let margin = BEYOND_NOISE * noise(points, inside);
     let cells = Cells::new(points, inside, side);
-    let all = Counts::new(cells.size(), |cell| cells.points(cell).len());
+    let all = SummedArea::of_counts(cells.size(), |cell| cells.points(cell).len());
     for _ in 0..ROUNDS {
         let is_left = |at: &&u32| !behind[**at as usize];
-        let left = Counts::new(cells.size(), |cell| cells.points(cell).iter().filter(is_left).count());
+        let left =
+            SummedArea::of_counts(cells.size(), |cell| cells.points(cell).iter().filter(is_left).count());
         let mut found = Vec::new();
         for cell in 0..cells.count() {
             let Some(reach) = left.reach(cell, AMONG, FARTHEST) else { continue };
-            if all.round(cell, reach - 1) as f64 > OF_ALL * AMONG as f64 {
+            if all.count(cell, reach - 1) as f64 > OF_ALL * AMONG as f64 {
                 continue;
             }
             for &at in cells.points(cell).iter().filter(is_left) {

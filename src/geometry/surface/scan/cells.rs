@@ -2,8 +2,8 @@
 
 use nalgebra::{Point3, Vector2};
 
-use super::counts::Counts;
 use crate::geometry::space::Extents;
+use crate::geometry::surface::summed_area::SummedArea;
 
 /// Side of a cell in units of the point spacing: any square lattice then has a point in every cell.
 pub(super) const CELL: f64 = 1.5;
@@ -81,17 +81,17 @@ impl Cells {
     /// of the scan is not taken for a sparse place. Points of a lattice leave none by chance: there are at least as many as in the
     /// cells at and beside points on average.
     pub(super) fn sparseness(&self, chosen: impl Fn(usize) -> usize) -> Vec<f64> {
-        let points = Counts::new(self.size(), &chosen);
-        let filled = Counts::new(self.size(), |cell| usize::from(chosen(cell) > 0));
+        let points = SummedArea::of_counts(self.size(), &chosen);
+        let filled = SummedArea::of_counts(self.size(), |cell| usize::from(chosen(cell) > 0));
         let is_beside = |cell: usize| self.window(cell).any(|near| chosen(near) > 0);
-        let beside = Counts::new(self.size(), |cell| usize::from(is_beside(cell)));
+        let beside = SummedArea::of_counts(self.size(), |cell| usize::from(is_beside(cell)));
         let [nearest, farthest] = SPACING_CELLS;
         let local = |cell: usize| {
             let Some(reach) = points.reach(cell, SHOW_SPACING, farthest) else { return 1.0 };
             let reach = reach.max(nearest);
-            let count = points.round(cell, reach) as f64;
-            let by_chance = mean_of_all(count / filled.round(cell, reach) as f64);
-            let apart = CELL / by_chance.max(count / beside.round(cell, reach) as f64).sqrt();
+            let count = points.count(cell, reach) as f64;
+            let by_chance = mean_of_all(count / filled.count(cell, reach) as f64);
+            let apart = CELL / by_chance.max(count / beside.count(cell, reach) as f64).sqrt();
             if apart < SPARSE { 1.0 } else { apart.min(FARTHEST_APART) }
         };
         let local: Vec<f64> = (0..self.count()).map(local).collect();

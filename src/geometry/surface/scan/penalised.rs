@@ -44,6 +44,10 @@ const FINEST_NOISE: f64 = 0.01;
 const FULL_TO_ZERO_WEIGHT: [f64; 2] = [3.0, 6.0];
 /// Maximum number of rounds of weighting and smoothing; two or three are usual.
 const MAX_ROUNDS: usize = 6;
+/// They end when no weight changes by more than this, and the wavelength by no more than this share.
+const SETTLED: f64 = 0.05;
+/// Knots that are this many times as far apart as the finest ones are as fine: halving comes no nearer.
+const AS_FINE: f64 = 1.01;
 /// The search for the wavelength starts with steps of this factor, …
 const APART: f64 = 1.6;
 /// … and ends with steps of this power of it. A search from the wavelength of the last round starts with them.
@@ -141,7 +145,7 @@ pub(super) fn smooth(
         let problem = Problem::new(region, cells, extents, knot_distance, fork)?;
         let fit = problem.settle(&mut weights, smoothing)?;
         let unresolved = fit.wavelength < RESOLVED * knot_distance && smoothing.follows_the_points();
-        if !unresolved || knot_distance <= 1.01 * finest {
+        if !unresolved || knot_distance <= AS_FINE * finest {
             return Ok(problem.finish(fit, &weights));
         }
         knot_distance = finest.max(knot_distance / 2.0);
@@ -193,7 +197,7 @@ impl<'a> Problem<'a> {
                 Smoothing::LowPass { wavelength } => self.fit(&weighted, None, wavelength)?,
                 Smoothing::None => self.fit(&weighted, None, first)?,
             };
-            if moved < 0.05 && (fit.wavelength / before).ln().abs() < 0.05 {
+            if moved < SETTLED && (fit.wavelength / before).ln().abs() < SETTLED {
                 break;
             }
         }

@@ -36,6 +36,12 @@ pub(super) const MIN_POINTS: usize = 64;
 const MAX_REGIONS: usize = 16;
 /// Heights that scatter by more than this about their neighbours form no surface, in sides of a cell.
 pub(super) const ROUGHEST: f64 = 4.0;
+/// A point of the surface is at most this many times as far below the top of its cell as the slopes there fall over a cell.
+const OF_SLOPE: f64 = 1.25;
+/// It may be this share of a cell lower, for the curvature of the surface.
+const OF_CELL: f64 = 0.3;
+/// Points that support the top of a cell are at most this many times as far from its height as they may be away.
+const STEEPEST_TOP: f64 = 1.2;
 /// Deviations beyond this many standard deviations are not noise.
 const BEYOND_NOISE: f64 = 6.0;
 
@@ -146,7 +152,7 @@ fn look(points: &[Point3<f64>], cells: &Cells) -> Result<Look, ScanError> {
     for cell in 0..cells.count() {
         let top = tops[cell];
         let [along, across] = slopes(cells, &tops, cell, reaches[cell]);
-        let lowest = top - (1.25 * (along + across) + 0.3) * cells.side() - BEYOND_NOISE * noise;
+        let lowest = top - (OF_SLOPE * (along + across) + OF_CELL) * cells.side() - BEYOND_NOISE * noise;
         seen.clear();
         for &at in cells.points(cell) {
             let height = points[at as usize].z;
@@ -285,7 +291,7 @@ fn supported_top(
     noise: f64,
     usual: f64,
 ) -> f64 {
-    let near = 1.2 * cells.side() * reach as f64 + BEYOND_NOISE * noise;
+    let near = STEEPEST_TOP * cells.side() * reach as f64 + BEYOND_NOISE * noise;
     let around: f64 = cells
         .square(cell, reach)
         .map(|cell| (cells.points(cell).len() as f64).min(MOST_OF_USUAL * usual))
