@@ -568,7 +568,7 @@ pub fn program() -> String {
     format!("isomark {}", env!("CARGO_PKG_VERSION"))
 }
 
-/// The start of a hash, which tells files apart for a person.
+/// The start of a hash, by which a person distinguishes files.
 fn short_hash(hash: &str) -> &str {
     hash.get(..16).unwrap_or(hash)
 }

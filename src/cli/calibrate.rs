@@ -32,21 +32,22 @@ mod test_drawing;
 
 /// Name and version of the JSON form of a [`LensDocument`].
 const SCHEMA: &str = "isomark.lens/1";
-/// A scale that differs from 1 by more than this is worth a notice, and …
+/// A scale is worth a notice if it differs from 1 by more than this. [`SURE`] must hold, too.
 const NOTABLE_SCALE: f64 = 0.001;
-/// … by more than this number of standard deviations.
+/// A scale is worth a notice if it differs from 1 by more than this number of standard deviations.
+/// [`NOTABLE_SCALE`] must hold, too.
 const SURE: f64 = 3.0;
-/// A scale that differs from 1 by more than this is a mistake: no marking software is calibrated as badly.
+/// A scale that differs from 1 by more than this is a mistake: no marking software is calibrated so badly.
 const WRONG_SCALE: f64 = 0.2;
-/// The same, if the wrong number of crosses explains it.
+/// The same limit if a wrong number of crosses explains the scale.
 const WRONG_GRID: f64 = 0.08;
-/// A number of crosses explains a scale if it gives one this near to 1.
+/// A number of crosses explains a scale if the scale with that number differs from 1 by at most this.
 const GRID_SHARE: f64 = 0.02;
 /// Readings that scatter by this many times as much as `--reading` states do not fit two lens distances.
 const NOTABLE_SCATTER: f64 = 3.0;
-/// Lens distances that are known to no more than this share are worth a notice, …
+/// Lens distances are worth a notice if they are known only to this share or worse.
 const NOTABLE_UNCERTAINTY: f64 = 0.05;
-/// … and so are those from plates that are closer together than this, mm.
+/// Lens distances are worth a notice if their plates are closer together than this, mm.
 const CLOSE_PLATES: f64 = 10.0;
 /// A lens axis that is further from the middle of the field than this share of its longer side is stated.
 const NOTABLE_OFFSET: f64 = 0.05;

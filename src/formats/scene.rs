@@ -171,7 +171,7 @@ fn linear(channel: u8) -> f64 {
     (light * 1e5).round() / 1e5
 }
 
-/// The light of each channel of sRGB, of which 65,535 is 1.
+/// The light of each channel of sRGB; 65,535 is full light.
 static LIGHT: LazyLock<[u16; 256]> = LazyLock::new(|| {
     std::array::from_fn(|channel| (linear(channel as u8) * f64::from(u16::MAX)).round() as u16)
 });

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 
 use nalgebra::Point3;
 
-/// Sides whose chord is farther than this from the surface are divided, mm: the first of them for which there are not too many
-/// vertices, because the samples of a rough part have steps everywhere. The middle of a triangle is within about twice of it.
+/// Sides whose chord is farther than this from the surface, mm, are divided. The first of these values is
+/// used for which there are not too many vertices, because the samples of a rough part have steps everywhere.
+/// The middle of a triangle is within about twice the value.
 pub(super) const SAGS: [f64; 4] = [0.004, 0.008, 0.016, 0.032];
-/// Sides shorter than this are not divided, mm: between samples of the part there is no more detail.
+/// Sides shorter than this, mm, are not divided: there is no more detail between samples of the part.
 const SHORTEST: f64 = 0.4;
 /// Sides longer than this are divided, mm: a surface may have waves between the probes.
 const LONGEST: f64 = 8.0;

@@ -4,14 +4,14 @@
 use std::fmt::Debug;
 use std::ops::Range;
 
-/// Fewer triangles, vertices or nodes are dealt with in less time than it takes to share them.
+/// Fewer triangles, vertices or nodes are processed faster than they are shared among threads.
 const LEAST_AT_ONCE: usize = 1_000;
 
-/// The same for looks ahead, which take longer.
+/// The same limit for looks ahead, which take longer.
 const LEAST_LOOKS: usize = 16;
-/// Things looked at ahead, at most.
+/// At most this many things are looked at ahead.
 const MOST_AHEAD: usize = 1_024;
-/// One of so many looks may be in vain.
+/// At most one in this many looks ahead may be in vain.
 const MOST_VAIN: usize = 8;
 
 /// Does two pieces of work.
@@ -81,7 +81,7 @@ pub(crate) fn for_each<T: Send>(fork: &dyn Fork, list: &mut [T], work: impl Fn(u
     halves(fork, 0, list, &work);
 }
 
-/// What `work` finds for each number below `count`.
+/// The result of `work` for each number below `count`.
 pub(crate) fn mapped<T: Clone + Default + Send>(
     fork: &dyn Fork,
     count: usize,
@@ -92,7 +92,8 @@ pub(crate) fn mapped<T: Clone + Default + Send>(
     results
 }
 
-/// What `work` finds for the numbers below `count`, in their order, where it finds something.
+/// The results of `work` for the numbers below `count`, in their order, without the numbers for which there
+/// is none.
 pub(crate) fn found<T: Send>(
     fork: &dyn Fork,
     count: usize,
@@ -101,7 +102,7 @@ pub(crate) fn found<T: Send>(
     in_pieces(fork, 0..count, LEAST_AT_ONCE, &|range| range.filter_map(&work).collect())
 }
 
-/// What `work` lists for pieces of a range with at least so many numbers, one after the other.
+/// The lists of `work` for pieces of a range with at least `least` numbers, one after the other.
 pub(crate) fn in_pieces<T: Send>(
     fork: &dyn Fork,
     range: Range<usize>,
@@ -121,10 +122,11 @@ pub(crate) fn in_pieces<T: Send>(
     one
 }
 
-/// Deals with the `things` that are open, in their order, until `take` returns false; `look` sees what it needs of a thing.
+/// Processes the `things` that are open, in their order, until `take` returns false. `look` reads what it
+/// needs of a thing.
 ///
-/// Several things are looked at at once, more of them as long as few are not open any more when it is their turn. So what `look` reads
-/// of the state must not change, and what is not open must not open again.
+/// Several things are looked at ahead. Their number grows as long as few of them are closed when it is their
+/// turn. So the state that `look` reads must not change, and a closed thing must not open again.
 pub(crate) fn look_ahead<State: Sync, Seen: Send>(
     fork: &dyn Fork,
     things: &[usize],

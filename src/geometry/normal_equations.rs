@@ -18,7 +18,7 @@ use crate::geometry::fork::{Fork, InTurn, join};
 /// A control point is coupled to its neighbours within this number of rows and columns.
 const REACH: usize = 3;
 
-/// Fewer unknowns are solved for, with the factor, in less time than it takes to share them.
+/// Equations with fewer unknowns are solved with the factor faster than they are shared among threads.
 const LEAST_SHARED: usize = 2_000;
 
 /// The control point itself, then its neighbours that follow it row by row: (columns, rows) to the right and up.
@@ -112,7 +112,8 @@ pub type CellRow<const COMPONENTS: usize> = [[f64; COMPONENTS]; 16];
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct CellSum<const COMPONENTS: usize> {
-    /// For each component of each control point its line of the matrix. Of what is before the diagonal, nothing is used.
+    /// For each component of each control point, its line of the matrix. Values before the diagonal are not
+    /// used.
     matrix: [[[[f64; COMPONENTS]; 16]; COMPONENTS]; 16],
     right: [[f64; COMPONENTS]; 16],
 }
@@ -283,8 +284,8 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         join(fork, || add(&mut low), || add(&mut high));
     }
 
-    /// Calls `low` with the equations of the rows below the end of `shared`, and `high` with those from its start on, both of
-    /// which add to the rows that they share; `fork` may do both at once.
+    /// Calls `low` with the equations of the rows below the end of `shared`, and `high` with those from its
+    /// start on. Both add to the rows that they share. `fork` may do both at once.
     pub(crate) fn fill_halves(
         &mut self,
         fork: &dyn Fork,
@@ -406,9 +407,10 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
     }
 
     /// [`Self::solve`] for equations that hold a third-difference penalty of this `weight`
-    /// ([`Self::add_third_difference_penalty`]), so that the penalty hardly applies to the solution: it is solved for so many times,
-    /// each time from where the last one ended (iterated Tikhonov regularisation: Engl, Hanke & Neubauer, Regularization of inverse
-    /// problems, 1996, sec. 5.1).
+    /// ([`Self::add_third_difference_penalty`]), so that the penalty hardly applies to the solution. The
+    /// equations are solved in `passes` passes. Each pass starts from the solution of the one before
+    /// (iterated Tikhonov regularisation: Engl, Hanke & Neubauer, Regularization of inverse problems, 1996,
+    /// sec. 5.1).
     ///
     /// # Errors
     /// See [`SolveError`].
@@ -422,7 +424,7 @@ impl<const COMPONENTS: usize> NormalEquations<COMPONENTS> {
         let mut solution = self.solution(solver, &factor, &self.right)?;
         let mut last = solution.clone();
         for _ in 1..passes {
-            // What the equations without the penalty are still off by is what the penalty holds back.
+            // The residual of the equations without the penalty is the pull of the penalty.
             last = self.solution(solver, &factor, &self.third_difference_pull(&last, weight))?;
             let (sum, last) = (solution.as_flattened_mut(), last.as_flattened());
             sum.iter_mut().zip(last).for_each(|(sum, last)| *sum += last);

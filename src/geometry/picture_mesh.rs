@@ -11,9 +11,9 @@ use crate::geometry::space::{Extents, View, ViewPoint};
 
 /// Facets whose normals differ by more than this, rad, meet at an edge.
 const EDGE: f64 = 35.0 * std::f64::consts::PI / 180.0;
-/// The same for a part that is its flat facets.
+/// The same angle for a part that consists of its flat facets.
 const FACET_EDGE: f64 = 1.0 * std::f64::consts::PI / 180.0;
-/// From this sharpness on a vertex is at an edge: 0.03 is a fold of 28 degrees.
+/// A vertex is at an edge if its sharpness is at least this: 0.03 is a fold of 28 degrees.
 const SHARP: f64 = 0.03;
 /// Largest distance of the chords from the round side of a primitive, mm.
 const CHORD: f64 = 0.005;
@@ -152,9 +152,10 @@ impl PictureMesh {
         mesh.map(|mesh| Self::of(&mesh, usize::MAX)).unwrap_or_default()
     }
 
-    /// The mesh with the facets under `area` (mm in the view) divided until their sides follow the surface to within 0.004 mm,
-    /// less closely if that takes more than `most` new vertices, so that they do not cover what is drawn on a hollow surface.
-    /// Vertices stay where they are. `height` gives the height of the surface, mm in the view.
+    /// The mesh with the facets under `area` (mm in the view) divided until their sides follow the surface to
+    /// within 0.004 mm, to prevent them from covering what is drawn on a hollow surface. They follow it less
+    /// closely if this would need more than `most` new vertices. Vertices stay where they are. `height`
+    /// returns the height of the surface, mm in the view.
     #[must_use]
     pub fn following(
         self,

@@ -29,7 +29,8 @@ pub enum Form {
     Cone(Cone),
 }
 
-/// With a taper below this, rad, the primitive is treated as a cylinder: lines move by less than a micrometre.
+/// With a taper below this, rad, the primitive is treated as a cylinder: lines move by less than a
+/// micrometre.
 const MIN_TAPER: f64 = 1e-6;
 /// Sampling steps along the longer side: as fine as the finest fit of a mesh.
 const STEPS: f64 = 256.0;

@@ -10,7 +10,7 @@ use crate::geometry::surface::fit::FittedSurface;
 const TILE: usize = 2;
 /// The image of a block reaches beyond that of its corners by at most this share.
 const MARGIN: f64 = 0.25;
-/// So few squares of inked area are examined one by one.
+/// Up to this many squares of inked area are examined one by one.
 const FEW_SQUARES: usize = 4000;
 
 /// What is known of the surface within a rectangle of the view, from the nodes in and around it.
@@ -105,7 +105,7 @@ impl Level {
 }
 
 impl<'a> ReliefMap<'a> {
-    /// The relief of a surface, if `ink` covers so much area that it helps.
+    /// The relief of a surface, if `ink` covers enough area for it to save time.
     pub fn under(ink: &Ink, surface: &'a FittedSurface) -> Option<Self> {
         // `Ink` has public fields, so callers may change the squares alone.
         let in_blocks = || ink.blocks.iter().map(Block::squares).sum::<usize>();

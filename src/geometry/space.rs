@@ -220,7 +220,7 @@ pub struct MarkingFrame {
     x: Vector3<f64>,
 }
 
-/// Directions closer than this to an axis of the part, rad, are along it: files hold them with seven digits.
+/// Directions within this angle of an axis of the part, rad, are along it: files hold them with seven digits.
 const ALONG_AXIS: f64 = 1e-6;
 
 impl MarkingFrame {

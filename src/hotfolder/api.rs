@@ -100,8 +100,8 @@ pub trait Corrector: Sync {
     /// Whether a file shows that it is a corrected drawing.
     fn is_corrected(&self, file: &[u8]) -> bool;
 
-    /// The products of the list with this name beside a pattern, of which `most` are allowed; `used` serial numbers were used
-    /// before it.
+    /// The products of the list with this name beside a pattern; at most `most` products are allowed. `used`
+    /// serial numbers were used before it.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -116,10 +116,10 @@ pub trait Corrector: Sync {
     ) -> Result<Products, JobError>;
 }
 
-/// What a [`Corrector`] knows of the current part of a SKU.
+/// What a [`Corrector`] reports of the current part of a SKU.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PartNow {
-    /// It does not tell.
+    /// It does not report this.
     Untold,
     /// The SKU is unknown.
     Unknown,

@@ -19,7 +19,7 @@ pub trait Fleet: Lines {
     /// Why the fleet cannot be used as the settings ask for it; `None` while it can.
     fn trouble(&self) -> Option<String>;
 
-    /// What people should know about settings that the office released.
+    /// The notices for people about settings that the office released.
     fn notices(&self) -> Vec<String>;
 
     /// The fleet as it was seen last, for the status; `None` if nobody needs it.
@@ -63,7 +63,7 @@ pub struct FleetSeen {
     pub at: Option<String>,
     /// How many stations there were at that time.
     pub count: u64,
-    /// The first ones, those first that need somebody.
+    /// The first ones; those that need a person come first.
     pub stations: Vec<StationRow>,
     /// Its workers; absent without any.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

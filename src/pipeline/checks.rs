@@ -139,7 +139,7 @@ pub(super) fn frame_of_file(of_file: Option<&MarkingFrame>, settings: &JobSettin
         ViewSource::Sides => {
             format!("{found}; it is not used, because `facing` is given for this part")
         }
-        // A roll names no side, so nobody may have meant the one that faces the laser instead.
+        // A roll names no side, so the side that faces the laser may not be the intended one.
         ViewSource::Rolled => {
             let [x, y, z] = settings.part.facing.direction().into();
             let message = format!(

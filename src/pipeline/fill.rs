@@ -1,4 +1,4 @@
-//! The fill of a job: its lines in the corrected drawing, its report, and what a person should know of it.
+//! The fill of a job: its lines in the corrected drawing, its report, and its notices.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};

@@ -374,7 +374,7 @@ impl Pipeline {
         Ok(())
     }
 
-    /// Makes a part the SKU's current one; other stations get to know one that is new.
+    /// Makes a part the SKU's current one, and announces a new one to other stations.
     fn make_current(&self, sku: &Sku, part: &CurrentPart, newness: Newness) -> Result<(), PipelineError> {
         let Some(cache) = &self.cache else { return Ok(()) };
         match (newness, &self.shared.0) {
@@ -423,7 +423,7 @@ impl Pipeline {
 /// How a part becomes the current one of its SKU.
 #[derive(Debug, Clone, Copy)]
 enum Newness {
-    /// Somebody gives it to the SKU now.
+    /// It is being given to the SKU now.
     New,
     /// The SKU had it since this moment, ms since 1970.
     Restored { learned_ms: Option<u64> },

@@ -32,7 +32,7 @@ pub(super) struct PlacedPattern {
 }
 
 impl Pipeline {
-    /// The settings for a part whose file may contain a marking frame, with what a person should know of it.
+    /// The settings for a part whose file may contain a marking frame, with the notices about them.
     pub(super) fn framed(
         settings: &JobSettings,
         sku: &Sku,

@@ -14,8 +14,9 @@ use crate::geometry::pattern::{Path, Segment, Shape};
 use crate::geometry::space::{FlatPoint, ViewPoint};
 use crate::preview::{HeightPicture, Preview, PreviewPath, TilesPicture};
 
-/// Lines are shown in pieces of this length, mm, or longer ones if there would be more than [`MAX_PIECES`].
+/// Lines are shown in pieces of this length, mm, unless there would be more than [`MAX_PIECES`].
 const PIECE: f64 = 0.5;
+/// Lines are shown in at most this many pieces; the pieces become longer instead.
 const MAX_PIECES: f64 = 40_000.0;
 
 /// The length of the pieces in which lines of this length are shown, mm.
@@ -203,8 +204,8 @@ pub(super) fn uncorrected(projection: &Projection<'_>, at: FlatPoint) -> ViewPoi
     projection.uncorrected(at).unwrap_or_else(|| at.coords().into())
 }
 
-/// The part's heights, and the residuals of the fit, of which those above `limit` mm are shown: at edges, which no
-/// smooth surface follows.
+/// The part's heights, and the residuals of the fit above `limit` mm. These are at edges, which no smooth
+/// surface follows.
 pub(super) fn relief(surface: &FittedSurface, limit: f64) -> HeightPicture {
     let field = &surface.field;
     let (columns, rows) = field.size();

@@ -12,13 +12,15 @@ use crate::geometry::pattern::Pattern;
 use crate::geometry::space::{Extents, FlatPoint};
 use crate::preview::{HeightPicture, OnPart};
 
-/// Drawings that are remembered for one surface.
+/// This many drawings are remembered for one surface.
 const MOST: usize = 4;
-/// Pictures that are remembered for one surface, and areas of drawings on it: each has a mesh of the part.
+/// This many pictures are remembered for one surface; each has a mesh of the part.
 const MOST_PICTURES: usize = 1;
+/// This many areas of drawings are remembered for one surface; each has a mesh of the part.
 const MOST_AREAS: usize = 2;
-/// Larger drawings are not remembered: number of segments, or pieces and squares of their ink.
+/// Drawings with more segments are not remembered.
 const LARGEST: usize = 4_000;
+/// Drawings whose ink has more pieces and squares are not remembered.
 const LARGEST_INK: usize = 40_000;
 
 /// What was found for the last drawings on one surface, shared by its copies.

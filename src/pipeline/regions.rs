@@ -15,26 +15,29 @@ use crate::geometry::regions::Regions;
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 use crate::geometry::surface::fit::Beyond;
 
-/// Only regions within so many of the largest steps of the height field from the rectangle of the drawing have an effect on its map: as
-/// far as the spline swings beside a wall.
+/// Only regions within this many of the largest steps of the height field from the rectangle of the drawing
+/// have an effect on its map: this is how far the spline swings beside a wall.
 const STEPS_BESIDE: f64 = 8.0;
 
-/// Those within so many of the smallest steps have the largest.
+/// Regions within this many of the smallest steps have the largest effect.
 const STEPS_NEAR: f64 = 2.0;
 
-/// An edge within so many of the largest steps of the height field changes the surface on both sides of it.
+/// An edge within this many of the largest steps of the height field changes the surface on both sides of it.
 const STEPS_BESIDE_EDGE: f64 = 5.0;
 
-/// The map may have the whole drawing on one face if more than this share of what is not on edges is there as drawn …
+/// The map may have the whole drawing on one face if, as drawn, more than this share of the ink that is not
+/// on edges is on it. [`MOST_AS_MAPPED`] must hold, too.
 const MOST_AS_DRAWN: f64 = 0.5;
 
-/// … and, as the map that follows the part over its edges has it, more than this.
+/// The map may have the whole drawing on one face if, on the map that follows the part over its edges, more
+/// than this share of the ink is on it. [`MOST_AS_DRAWN`] must hold, too.
 const MOST_AS_MAPPED: f64 = 0.9;
 
-/// Round the drawing, the surface determines the radius of a cylinder as far as this share of the drawing's longer side.
+/// Round the drawing, surface within this share of the drawing's longer side determines the radius of a
+/// cylinder.
 const SHARE_BESIDE: f64 = 0.6;
 
-/// So many regions under a drawing are what noise leaves of a scan: there, none can be told from the others.
+/// More regions than this under a drawing are caused by the noise of a scan. They cannot be distinguished.
 const MOST_REGIONS: usize = 64;
 
 /// The regions on which paths are.

@@ -429,7 +429,7 @@ impl<'a> Stage<'a> {
             false => limits.refuse - MARGIN,
         };
         if !self.is_clear(middle, incidence, settings) {
-            // The usual checks know why.
+            // The usual checks report the reason.
             let probes = self.probes(&[middle]);
             let seen = self.projection.expose(&probes);
             let lift = Lift::new(&self.part.surface, &learned.settings);
@@ -737,7 +737,7 @@ impl TiledMark {
         self.tiles.iter().enumerate().map(file).collect()
     }
 
-    /// What a person should know of the division.
+    /// The notices for people about the division.
     pub(super) fn notices(&self, part: &CachedSurface, settings: &JobSettings) -> Vec<Notice> {
         let mut notices = Vec::new();
         if settings.part.primitive.is_none() && self.tiles.iter().any(|tile| tile.angle_deg != 0.0) {

@@ -86,7 +86,7 @@ pub(super) fn rounded(point: [f64; 3]) -> [f64; 3] {
     to_decimals(point, 3)
 }
 
-/// Numbers with so many decimals, without negative zeros.
+/// Numbers with `decimals` decimals, without negative zeros.
 pub(super) fn to_decimals<const N: usize>(values: [f64; N], decimals: i32) -> [f64; N] {
     let scale = 10_f64.powi(decimals);
     values.map(|value| (value * scale).round() / scale + 0.0)

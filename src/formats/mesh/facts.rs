@@ -128,7 +128,7 @@ pub struct PartFacts {
     /// What was found in the points of a scan, known after smoothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scan: Option<ScanFacts>,
-    /// What people should know about this file and how it was read.
+    /// The notices for people about this file and how it was read.
     pub notices: Vec<Notice>,
 }
 
@@ -383,7 +383,8 @@ fn is_zero(count: &usize) -> bool {
 }
 
 impl NormalsFound {
-    /// Says that the curvature is estimated, and why. `spoilt` of the file's normals are averages of triangles that run in opposite ways.
+    /// Reports that the curvature is estimated, and why. `spoilt` of the file's normals are averages of
+    /// triangles that run in opposite ways.
     pub(super) fn notice(self, judged: &Judgement, spoilt: usize) -> Option<Notice> {
         let found = match self {
             Self::None if spoilt > 0 => {

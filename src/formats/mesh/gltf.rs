@@ -129,7 +129,7 @@ fn word(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(four.try_into().ok()?))
 }
 
-/// The document, and what people should know of it.
+/// The document, and the notices about it.
 fn parse(json: &[u8]) -> Result<(Root, Vec<Notice>), MeshReadError> {
     // Names in a code page other than UTF-8 come out damaged, which is harmless.
     let text = String::from_utf8_lossy(json);

@@ -13,7 +13,7 @@ const EDGE_OF_DESIGN: f64 = 0.70;
 const SLIVERS: f64 = 0.01;
 /// Smallest share of positions between facets at small angles; below it the part has no curvature to lose.
 const BENT: f64 = 0.05;
-/// Sides of the design that are told apart at one position, as at the corner of a box.
+/// Sides of the design that are distinguished at one position, as at the corner of a box.
 const SIDES: usize = 3;
 
 /// Positions, and triangles as indices into them.

@@ -244,8 +244,8 @@ fn has_decimal_commas(text: &[u8], first: u64) -> bool {
     rows.iter().all(|row| words(row).count() >= 3 && words(row).all(is_decimal)) || are_halves(&rows)
 }
 
-/// Whether lines such as `0,5000,-1,0250,7,0000` are pairs of a whole number and its decimals, of which there are as many everywhere
-/// and some begin with zero, unlike whole numbers.
+/// Whether lines such as `0,5000,-1,0250,7,0000` are pairs of a whole number and its decimals. Then all have
+/// equally many decimals, and some begin with zero, unlike whole numbers.
 fn are_halves(rows: &[&[u8]]) -> bool {
     let (mut decimals, mut has_zeros) = (None, false);
     let mut is_pair = |whole: &[u8], part: &[u8]| {

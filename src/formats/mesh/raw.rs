@@ -33,13 +33,14 @@ pub(super) const QUICK_TRIANGLES: usize = 200_000;
 /// Largest number of points of a scan; a million is already finer than any marking needs.
 pub(super) const MAX_POINTS: usize = 10_000_000;
 
-/// A smooth surface that leaves flat facets by more than this, mm, is not what their designer meant if they are a design. CAD
-/// programs cut round faces into facets that leave them by 0.1 mm at most unless they are told otherwise.
+/// If a design has flat facets, its designer did not intend a smooth surface that leaves them by more than
+/// this, mm. By default, CAD programs cut round faces into facets that leave them by at most 0.1 mm.
 const NOTABLE_BULGE: f64 = 0.15;
 /// The same where facets turn by more than [`NOTABLE_TURN`], mm: lengths along a smaller facet differ by 0.004 mm at most.
 const NOTABLE_BULGE_OF_TURN: f64 = 0.02;
-/// Along facets that turn by more than this, rad, lengths differ by more than 1 % from those on a round face. CAD programs let
-/// facets turn by 0.5 rad at most unless they are told otherwise, so that round faces of small radius are below it.
+/// Along facets that turn by more than this, rad, lengths differ by more than 1 % from those on a round face.
+/// By default, CAD programs let facets turn by at most 0.5 rad, so that round faces of small radius are below
+/// it.
 const NOTABLE_TURN: f64 = 0.51;
 
 /// A part in the unit and axes of its file.
@@ -498,7 +499,7 @@ fn is_notable(Rounding { turn, bulge }: &Rounding) -> bool {
 }
 
 impl Understood {
-    /// What a person should know of it; the part has so many `triangles`.
+    /// The notices for people about the part, which has `triangles` triangles.
     fn notices(&self, triangles: usize) -> impl Iterator<Item = Notice> {
         let lacking = self.lacks_normals.then(|| {
             let why = match self.winding.spoilt_normals {

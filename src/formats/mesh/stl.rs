@@ -19,7 +19,7 @@ const HEADER: usize = 80;
 const PREAMBLE: usize = HEADER + 4;
 /// Normal, three corners, and two bytes of attributes.
 const FACET: usize = 50;
-/// Number of facets by which a damaged file is told from one of another format.
+/// Number of facets that distinguish a damaged file from one of another format.
 const FIRST_FACETS: usize = 16;
 
 /// Reads a part from an STL file.

@@ -8,17 +8,20 @@ use cells::{Cells, Neighbourhood, Strip};
 
 mod cells;
 
-/// Two lines no farther apart than this, mm, and parallel to within this angle, rad, are one line that is marked twice. Both are
-/// larger for curves, whose pieces are chords.
+/// Two lines are one line that is marked twice if they are at most this far apart, mm. [`SAME_DIRECTION`]
+/// must hold, too. The limit is larger for curves, whose pieces are chords.
 const SAME_LINE: f64 = 0.002;
+/// Two lines are one line that is marked twice if they are parallel to within this angle, rad. [`SAME_LINE`]
+/// must hold, too. The limit is larger for curves, whose pieces are chords.
 const SAME_DIRECTION: f64 = 0.5 * std::f64::consts::PI / 180.0;
-/// Lines that differ by a larger angle, rad, cross and do not run beside each other.
+/// Lines that differ by more than this, rad, cross and do not run beside each other.
 const PARALLEL: f64 = 10.0 * std::f64::consts::PI / 180.0;
-/// Pieces that turn by a larger angle, rad, meet at a corner and are not on a curve.
+/// Pieces that turn by more than this, rad, meet at a corner and are not on a curve.
 const CORNER: f64 = 0.6;
-/// Pieces that run beside each other by a smaller part of one of them meet end to end.
+/// Two pieces meet end to end if they run beside each other over a smaller part of one of them than this.
 const OVERLAP: f64 = 1e-3;
-/// More pieces than this in the neighbourhood of one are not compared with it: so dense a drawing is a fill.
+/// If a piece has more neighbours than this, they are not compared with it: a drawing as dense as that is a
+/// fill.
 const MOST_NEIGHBOURS: usize = 400;
 
 /// Where lines of a drawing are too close together.
@@ -129,7 +132,7 @@ struct Search<'a> {
     finest: Option<(f64, usize)>,
     /// The pieces that are on earlier ones, with the length that is, mm.
     twice: Vec<(usize, f64)>,
-    /// Whether a piece has so many neighbours that it was not compared.
+    /// Whether a piece has too many neighbours to be compared ([`MOST_NEIGHBOURS`]).
     is_fill: Vec<bool>,
     /// Used again for each piece: from where to where it is on earlier ones.
     covered: Vec<[f64; 2]>,
@@ -260,8 +263,9 @@ struct Beside {
 }
 
 impl Beside {
-    /// The second piece beside the first, which is given with its direction. `None` if the two are not nearly parallel, only
-    /// touch, or cross; also if they are on two lines farther apart than `within` mm, but not always.
+    /// The second piece beside the first, which is given with its direction. `None` if the two are not nearly
+    /// parallel, only touch, or cross. Also `None` for some pieces on two lines that are farther apart than
+    /// `within` mm.
     fn of((piece, along): (Chord, Vector2<f64>), other: Chord, within: f64) -> Option<Self> {
         let length = piece.length;
         let place = |at: FlatPoint| {

@@ -14,9 +14,9 @@ use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 
 /// Number of places between which distances are measured.
 const PLACES: usize = 400;
-/// A distance is measured in steps of at most this, mm …
+/// A distance is measured in steps of at most this, mm, if there are at most [`MOST_STEPS`] of them.
 const STEP: f64 = 2.0;
-/// … and in at most this number of them.
+/// A distance is measured in at most this number of steps.
 const MOST_STEPS: f64 = 32.0;
 /// A line is almost straight between two of its places if it is at most this many times as long as their distance.
 const STRAIGHT: f64 = 1.3;
@@ -158,6 +158,7 @@ fn landmarks(pattern: &Pattern, is_marked: &dyn Fn(&str) -> bool) -> Vec<Landmar
 /// The paths between which distances are measured: all, or of many the longest, and of the others one in each cell of a grid.
 /// They are the same in whatever order the paths are.
 fn chosen(mut paths: Vec<(usize, &Path)>) -> Vec<(usize, &Path)> {
+    /// This many of the longest paths are chosen; the others are chosen from about as many cells of a grid.
     const EACH: usize = PLACES / 4;
     if paths.len() <= 2 * EACH {
         return paths;

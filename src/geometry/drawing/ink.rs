@@ -24,17 +24,18 @@ const MAX_PIECES: f64 = 2e6;
 /// Maximum number of squares in the bounding rectangle; beyond it, squares are made larger.
 const MAX_SQUARES_IN_BOX: f64 = 4e6;
 
-/// Squares show ink well if their area differs from its own by at most this share, and roughly if by at most the second.
+/// Squares show ink well if their area differs from the ink's own area by at most this share.
 const SHOWN_WELL: f64 = 0.02;
+/// Squares show ink roughly if their area differs from the ink's own area by at most this share.
 const SHOWN: f64 = 0.25;
 
 /// Chord tolerance for the inked area, as a share of the size of a contour.
 const OF_REACH: f64 = 1e-3;
 
-/// A rest of the bounding rectangle that is a smaller share of a square's side is rounding.
+/// A remainder of the bounding rectangle is rounding if it is a smaller share of a square's side than this.
 const ROUNDING: f64 = 1e-6;
 
-/// A block has at most two to this power squares along a side.
+/// A block has at most two to the power of this number of squares along a side.
 const LARGEST_BLOCK: usize = 6;
 
 /// With more pieces than this, consecutive pieces are joined, up to the requested length.
@@ -149,8 +150,9 @@ impl Ink {
     /// Samples the paths on layers for which `is_marked` is true (given the layer's name) with pieces of at most
     /// `piece` mm and squares of `side` mm.
     ///
-    /// The inked area of a layer is bounded by its contours under the even-odd rule; a contour that is drawn twice
-    /// counts once. A fill (HATCH, SOLID) is a separate region. An area covered by several regions counts once.
+    /// The inked area of a layer is bounded by its contours under the even-odd rule; a contour that is drawn
+    /// twice has the effect of one. A fill (HATCH, SOLID) is a separate region. An area covered by several
+    /// regions is included once.
     pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, piece: f64, side: f64) -> Self {
         Self::sample_marked(pattern, &is_marked, piece, side, |_| true)
     }
@@ -252,7 +254,8 @@ impl Ink {
         (self.inked_area - sampled).abs() <= SHOWN * self.inked_area.max(self.side * self.side)
     }
 
-    /// What a square counts for in sums over the inked area, as a share of its own area: 1 where the squares show the ink well.
+    /// The weight of a square in sums over the inked area, as a share of its own area: 1 where the squares
+    /// show the ink well.
     pub(crate) fn weight(&self) -> f64 {
         let sampled = self.squares.len() as f64 * self.side * self.side;
         let share = if sampled > 0.0 { self.inked_area / sampled } else { 1.0 };

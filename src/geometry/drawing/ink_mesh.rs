@@ -51,8 +51,9 @@ impl FlatMesh {
         })
     }
 
-    /// The triangles on a surface: vertices and triangles. They are divided until their sides follow the surface to within
-    /// 0.004 mm, less closely if that takes more than `most` vertices and twice those of the flat mesh. `image` gives the image of a point of the drawing, mm.
+    /// The triangles on a surface: vertices and triangles. They are divided until their sides follow the
+    /// surface to within 0.004 mm, or less closely if this would need more than `most` vertices and more than
+    /// twice those of the flat mesh. `image` returns the image of a point of the drawing, mm.
     #[must_use]
     pub fn draped(
         &self,

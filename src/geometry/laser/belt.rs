@@ -1,8 +1,8 @@
 //! A production line: products pass the laser on a belt and are marked while they move.
 //!
-//! The lead distance is that of Chuang, Shape correction for laser marking, 2023, chapter 7: the speed of the belt times the
-//! time from the scan to the corrected drawing. The chapter does not say that one computer then corrects only one product in
-//! that time; [`Belt::corrections_at_once`] does.
+//! The lead distance is that of Chuang, Shape correction for laser marking, 2023, chapter 7: the speed of the
+//! belt times the time from the scan to the corrected drawing. The chapter does not state that one computer
+//! then corrects only one product in that time; [`Belt::corrections_at_once`] does.
 
 use nalgebra::Vector2;
 

@@ -13,12 +13,15 @@ use crate::geometry::space::FlatPoint;
 const ROUNDING: f64 = 1e-9;
 /// A chord that is shorter than its line by a smaller share replaces a straight line.
 pub(super) const STRAIGHT: f64 = 1e-7;
-/// On a smooth curve a vertex moves by the length of a chord times its turn, divided by 24, and by twice as much between the
-/// only two chords of a curve. Where it would have to move by more than this share, the chords replace noise.
+/// The chords replace noise if a vertex would have to move by more than this share. On a smooth curve, a
+/// vertex moves by the length of a chord times its turn, divided by 24. Between the only two chords of a
+/// curve it moves by twice as much.
 const SMOOTH: f64 = 0.125;
-/// Passes in which vertices that would have to move too far are found; whatever they miss moves back at the end.
+/// Vertices that would have to move too far are searched for in this many passes. The vertices that the
+/// passes miss move back at the end.
 const PASSES: usize = 8;
-/// Rounds in which each chord comes to the length of its piece of the curve; each squares the error.
+/// Each chord approaches the length of its piece of the curve in this many rounds; each round squares the
+/// error.
 const ROUNDS: usize = 3;
 
 /// A polyline that replaces drawn curves.
@@ -41,9 +44,10 @@ pub(super) struct Chords {
 }
 
 impl Chords {
-    /// Moves free vertices to the outside of the curve, and a little along it, such that each chord is as long as its piece of the
-    /// curve. No vertex moves by more than `most` mm. Vertices beside straight lines and beside chords that their curve crosses, and
-    /// those of chords that replace noise, stay: chords between two such vertices remain shorter.
+    /// Moves free vertices to the outside of the curve, and slightly along it, such that each chord is as
+    /// long as its piece of the curve. No vertex moves by more than `most` mm. Some vertices stay: those
+    /// beside straight lines, those beside chords that their curve crosses, and those of chords that replace
+    /// noise. Chords between two such vertices remain shorter than the curve.
     pub(super) fn lengthen(&mut self, most: f64) {
         let Some(last) = self.vertices.len().checked_sub(1).filter(|last| *last > 1) else {
             self.is_free.fill(false);

@@ -26,30 +26,37 @@ pub enum Subdivision {
 /// The share of the chord tolerance used when points are added along the true image; the rest is used to remove points
 /// that are not needed.
 const REFINEMENT_SHARE: f64 = 0.05;
-/// Chord tolerance for the length of a curve as drawn, mm; halved chords show what is missing to the fourth order.
+/// Chord tolerance for the length of a curve as drawn, mm. Halved chords show the missing length to the
+/// fourth order.
 const DRAWN: f64 = 1e-3;
-/// A chord is shorter than its curve by at most this share of the curve, however small the curve is beside the tolerance: on
-/// an arc it turns by at most 20 degrees.
+/// A chord is shorter than its curve by at most this share of the curve, even if the curve is small compared
+/// with the tolerance. On an arc, such a chord turns by at most 20 degrees.
 const MAX_LOST_SHARE: f64 = 5e-3;
 /// The same share where points are added along the true image.
 const REFINED_LOST_SHARE: f64 = 1e-3;
-/// Chords that together are as long as their curve leave it by at most this share of the tolerance at their ends.
+/// Chords that together are as long as their curve leave it by at most this share of the tolerance at their
+/// ends.
 const FARTHEST_OUTSIDE: f64 = 0.75;
-/// Lines that turn by at most 20 degrees may be pieces of one curve: the cosine.
+/// Lines may be pieces of one curve if they turn by at most 20 degrees: if the cosine of the turn is at least
+/// this.
 const SMOOTH_CORNER: f64 = 0.94;
 /// The share of a segment over which its direction at an end is taken.
 const DIRECTION_STEP: f64 = 1e-3;
-/// Shorter curves may lose as much as one of this length, mm, which is far below a laser's spot: noise is not marked.
+/// Curves that are shorter than this, mm, may lose as much length as one of this length. It is far below a
+/// laser's spot: noise is not marked.
 const SHORTEST_CURVE: f64 = 0.01;
-/// Shorter lines are as long on the part as they are drawn, mm: those that a repeated point leaves have only the length of its rounding.
+/// Lines that are shorter than this, mm, are as long on the part as they are drawn. Lines that a repeated
+/// point leaves have only the length of its rounding.
 const SHORTEST_LINE: f64 = 0.01;
-/// A line of the field that leaves the image of its drawn line by a smaller share of its length is as long as that.
+/// A line of the field is as long as the image of its drawn line if it leaves this image by a smaller share
+/// of its length.
 const NEGLIGIBLE_OFF: f64 = 1e-5;
-/// Lines that are longer by more than this share are looked at more closely.
+/// Lines that are longer by more than this share are examined more closely.
 const LONG_SHARE: f64 = 1e-5;
 /// The share of a line over which the image of a point beside it is taken.
 const PROBE_STEP: f64 = 1e-3;
-/// Three times the derivatives at five even points of the quartic through these, over the whole from 0 to 1 …
+/// Three times the derivatives of a quartic at five even points of its range from 0 to 1. The factors apply
+/// to its values at these points.
 const QUARTIC_SPEEDS: [[f64; 5]; 5] = [
     [-25.0, 48.0, -36.0, 16.0, -3.0],
     [-3.0, -10.0, 18.0, -6.0, 1.0],
@@ -57,14 +64,17 @@ const QUARTIC_SPEEDS: [[f64; 5]; 5] = [
     [-1.0, 6.0, -18.0, 10.0, 3.0],
     [3.0, -16.0, 36.0, -48.0, 25.0],
 ];
-/// … and 90 times their weights in an integral (Abramowitz & Stegun, Handbook of mathematical functions, 1964, 25.3 and 25.4).
+/// 90 times the weights of the five values in an integral from 0 to 1 (Abramowitz & Stegun, Handbook of
+/// mathematical functions, 1964, 25.3 and 25.4).
 const BOOLE: [f64; 5] = [7.0, 32.0, 12.0, 32.0, 7.0];
-/// The image of a straight line has no smaller radius of curvature than this, mm: less than the distance of samples.
+/// The radius of curvature of the image of a straight line is at least this, mm: less than the distance of
+/// samples.
 const MIN_BEND_RADIUS: f64 = 0.2;
 
-/// Steps at most in which a beam is followed down to the part; three or four are usual …
+/// A beam is followed down to the part in at most this many steps; three or four are usual.
 const MOST_STEPS_DOWN: usize = 40;
-/// … and how near to it they end, mm: the height of the part between samples is known to more than this.
+/// A beam that is followed down ends at most this far from the part, mm. The height of the part between
+/// samples is less exact than this.
 const ON_THE_PART: f64 = 1e-6;
 
 /// Everything between the drawing's plane and the field.
@@ -151,9 +161,9 @@ impl Projection<'_> {
         self.head.aim(landing).ok_or(AboveLens { at: view })
     }
 
-    /// Where a point of the drawing lands in the view if the field gets the placed drawing as it is, without a correction: a beam that
-    /// leaves the lens obliquely meets what is above or below the calibrated plane beside its aim. `None` if the search for the
-    /// place does not end, as where a beam only grazes the part.
+    /// Where a point of the drawing is in the view if the field gets the placed drawing without a correction.
+    /// A beam that leaves the lens obliquely meets points above or below the calibrated plane beside its aim.
+    /// `None` if the search for the place does not end, as where a beam only grazes the part.
     pub fn uncorrected(&self, at: FlatPoint) -> Option<ViewPoint> {
         if self.head.lens == Lens::Telecentric {
             return Some(at.coords().into());
@@ -179,10 +189,11 @@ impl Projection<'_> {
         Ok(Aimed { flat, field: self.aim(flat)?, on })
     }
 
-    /// The whole drawing as polylines in the field. With [`Subdivision::Adaptive`] every polyline stays within
-    /// `tolerance` mm of the true image. The chords of curves together are as long on the part as the curves, because their ends
-    /// are up to `tolerance` outside (of the arcs and curves alone with [`Subdivision::Keep`]); and no chord turns by more than
-    /// about 20 degrees, however small the curve: small letters keep their shape and their lengths.
+    /// The whole drawing as polylines in the field. With [`Subdivision::Adaptive`], every polyline stays
+    /// within `tolerance` mm of the true image. The chords of curves together are as long on the part as the
+    /// curves, because their ends are up to `tolerance` outside. With [`Subdivision::Keep`], this applies
+    /// only to arcs and curves. No chord turns by more than about 20 degrees, however small the curve: small
+    /// letters keep their shape and their lengths.
     ///
     /// # Errors
     /// When the part is as high as the lens somewhere.
@@ -592,12 +603,13 @@ fn steps_of_true_length(segment: &Segment, tolerance: f64) -> usize {
     steps
 }
 
-/// A polyline through a small selection of the points, including both ends, such that all others are within `tolerance`
-/// mm of it and no piece is much shorter than the line that it replaces.
+/// A polyline through a small selection of the points, including both ends, such that all others are within
+/// `tolerance` mm of it and no piece is much shorter than the line that it replaces.
 ///
-/// One pass along the points: from the last point kept, a line continues while it meets the discs of this radius round
-/// all points passed, each of which narrows a wedge of directions, and while the points move away from its start
-/// (Williams, An efficient algorithm for the piecewise linear approximation of planar curves, 1978).
+/// One pass along the points. From the last point kept, a line continues while it meets the discs of this
+/// radius round all points passed, and while the points move away from its start. Each disc narrows a wedge
+/// of directions (Williams, An efficient algorithm for the piecewise linear approximation of planar curves,
+/// 1978).
 fn simplified(points: &[Aimed], tolerance: f64) -> Vec<Aimed> {
     let [first, rest @ ..] = points else { return Vec::new() };
     let mut kept = vec![*first];

@@ -5,13 +5,15 @@ use crate::geometry::ink::{Block, Ink, is_before};
 use crate::geometry::relief::{Cover, Relief, ReliefMap};
 use crate::geometry::space::{Extents, FlatPoint, ViewPoint};
 
-/// Blocks are divided until no more than this share of a largest distance is open …
+/// Blocks are divided until a largest distance can grow by no more than this factor.
 const SLACK: f64 = 1.002;
-/// … this angle, rad, …
+/// Blocks are divided until the steepest incidence can grow by no more than this, rad.
 const SAME_ANGLE: f64 = 1e-4;
-/// … this share of the range of heights …
+/// Blocks are divided until the lowest and highest height can change by no more than this share of their
+/// difference.
 const SAME_HEIGHT: f64 = 2.5e-3;
-/// … and this distance between the fit and the part, mm.
+/// Blocks are divided until the distance between the fit and the part can grow by no more than this, mm, in
+/// addition to [`SLACK`].
 const SAME_DISTANCE: f64 = 2e-5;
 
 impl Exposure {
@@ -34,7 +36,7 @@ impl Exposure {
 
 /// What is known of a block of inked area.
 enum Seen {
-    /// Every square was examined, or nothing of it is on the part.
+    /// Every square was examined, or none of it is on the part.
     Exactly,
     /// It may be partly beside the part.
     Divided,

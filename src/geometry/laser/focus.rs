@@ -12,7 +12,7 @@ use crate::geometry::space::FlatPoint;
 const PROBE: f64 = 0.5;
 /// A cut is at its height to within this, mm.
 const ON_HEIGHT: f64 = 1e-6;
-/// Pieces shorter than this on the part, mm, stay with the piece before them.
+/// Pieces shorter than this on the part, mm, are joined to the piece before them.
 const SHORTEST: f64 = 0.02;
 /// Greatest number of steps.
 pub const MOST_STEPS: usize = 200;

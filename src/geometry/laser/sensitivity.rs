@@ -11,15 +11,16 @@ use super::correction::{Contact, Projection};
 use crate::geometry::ink::{Ink, Piece};
 use crate::geometry::space::FlatPoint;
 
-/// So many pieces of lines are examined at most, spread evenly over all.
+/// At most this many pieces of lines are examined, spread evenly over all.
 const PIECES: usize = 512;
-/// So many squares of the inked area are examined at most.
+/// At most this many squares of the inked area are examined.
 const SQUARES: usize = 256;
 /// The displacement whose effects are reported, mm.
 pub const SHIFT: f64 = 0.1;
 /// The turn whose effects are reported, rad: 0.1 deg.
 pub const TURN: f64 = 0.1 * std::f64::consts::PI / 180.0;
-/// A beam that only grazes the surface moves without limit; such places are left out. They are refused anyway.
+/// A beam that only grazes the surface moves without limit. Such places are skipped; they are rejected
+/// anyway.
 const GRAZING: f64 = 0.02;
 
 /// A movement of the part in the laser's frame. Turns are about the middle of the ink on the part.
@@ -208,8 +209,8 @@ impl Projection<'_> {
     }
 }
 
-/// At most `count` of the items, spread evenly. The steps are multiples of the golden section, so that no regular pattern
-/// among the items, such as the sides of many squares, is met in step.
+/// At most `count` of the items, spread evenly. The steps are multiples of the golden section, to prevent
+/// them from matching a regular pattern among the items, such as the sides of many squares.
 fn spread<T>(items: &[T], count: usize) -> impl Iterator<Item = &T> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let all = items.len() <= count;

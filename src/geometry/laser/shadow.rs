@@ -28,8 +28,9 @@ impl Projection<'_> {
     /// The ink that is hidden because the part rises more than `limit` mm into the beam; `None` if the beam reaches all of it.
     /// Under a telecentric lens the beam is parallel to the view, in which everything is seen.
     ///
-    /// `field` is that of the whole part, of which `self` may have only what is round the drawing. The part is taken from its highest
-    /// points over the view, so that a beam that would pass under an overhang is treated as blocked.
+    /// `field` is the field of the whole part; `self` may have only what is round the drawing. The part is
+    /// taken from its highest points over the view, so that a beam that would pass under an overhang is
+    /// treated as blocked.
     pub fn hidden(&self, ink: &Ink, field: &HeightField, limit: f64) -> Option<Hidden> {
         if self.head.lens == Lens::Telecentric {
             return None;
@@ -89,8 +90,8 @@ fn height_of(node: &Node) -> Option<f64> {
     }
 }
 
-/// The lowest of the four nodes round a place, mm; `None` beside the part. At an edge of the part it is on the lower side, so
-/// that nothing is hidden behind a rounding of the grid.
+/// The lowest of the four nodes round a place, mm; `None` beside the part. At an edge of the part it is on
+/// the lower side, to prevent a rounding of the grid from hiding ink.
 fn lowest_round(field: &HeightField, at: ViewPoint) -> Option<f64> {
     let (column, row, _) = field.cell(at)?;
     let heights = field.cell_nodes(column, row).map(|index| field.nodes().get(index).and_then(height_of));

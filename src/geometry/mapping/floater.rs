@@ -83,16 +83,18 @@ struct SquareMesh {
     found: Vec<usize>,
 }
 
-/// Length of the mesh edges, mm, unless the part would then have fewer or more than [`CELLS`] cells along its longer
-/// side.
+/// Length of the mesh edges, mm, unless [`CELLS`] requires another one.
 const EDGE: f64 = 0.75;
+/// The part has this many cells along its longer side; the length of the edges ([`EDGE`]) changes if it would
+/// have fewer or more.
 const CELLS: std::ops::RangeInclusive<f64> = 60.0..=150.0;
 /// Number of rays that find the part's outline.
 const RAYS: usize = 720;
 /// Number of rays on each side over which the outline is smoothed, three times.
 const SMOOTHED: usize = 6;
-/// The relative step of the search for the scales: at the start and at the end.
+/// The relative step of the search for the scales at the start.
 const FIRST_SCALE_STEP: f64 = 0.16;
+/// The search for the scales ends with a relative step of this size.
 const LAST_SCALE_STEP: f64 = 1e-4;
 
 impl FloaterMap {

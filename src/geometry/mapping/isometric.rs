@@ -99,7 +99,8 @@ pub enum IsometricError {
 const ENERGY_TOLERANCE: f64 = 0.03;
 /// A mean squared strain treated as zero: 0.0001 mm in 100 mm.
 const NO_STRAIN: f64 = 1e-12;
-/// A mean squared strain that no step needs to lower if its equations cannot be solved: 0.003 mm in 100 mm.
+/// If the mean squared strain is at most this and the equations cannot be solved, no step is needed: 0.003 mm
+/// in 100 mm.
 const HARDLY_STRAINED: f64 = 1e-9;
 /// Maximum number of steps on the fine grid.
 const MAX_STEPS: usize = 20;
@@ -112,12 +113,12 @@ const LEAST_SHARE: f64 = 0.1;
 /// A damped step is shortened to no less than this share. If the energy still does not decrease, the surface is too rough for
 /// its derivatives.
 const SHORTEST: f64 = 1.0 / 64.0;
-/// The first damping, as a multiple of the root of the energy: a turn by θ, which the linearised strains do not see, strains by
-/// θ²/2.
+/// The first damping, as a multiple of the root of the energy. A turn by θ strains by θ²/2, which the
+/// linearised strains do not contain.
 const FIRST_DAMPING: f64 = 1.0 / 16.0;
-/// By how much the damping grows until a step does not overshoot …
+/// The damping grows by this factor until a step does not overshoot.
 const MORE_DAMPING: f64 = 8.0;
-/// … at most so often.
+/// The damping of a step grows at most this many times.
 const MOST_TRIES: usize = 5;
 /// The search ends with a step shorter than this, mm: 16 bits over a field of 110 mm are 0.0017 mm.
 const MIN_STEP: f64 = 1e-3;
@@ -128,17 +129,17 @@ const PIN_WEIGHT: f64 = 1e4;
 
 /// Weight of the sizes of cells that lines enclose, relative to that of inked areas: the lines are the ink.
 const CELLS: f64 = 0.25;
-/// Factors on the weight of the paper, tried one after the other while the map folds the paper between the ink: by turns from
-/// the start for the ink, and from the map with equal weights.
+/// Factors on the weight of the paper, tried one after the other while the map folds the paper between the
+/// ink. The search starts in turn from the start for the ink and from the map with equal weights.
 const STIFFER_PAPER: [f64; 6] = [1.0, 1.0, 4.0, 4.0, 16.0, 16.0];
 /// Factors on the weight of the angles, tried one after the other.
 const STIFFER: [f64; 3] = [1.0, 1.5, 2.2];
-/// How finely the ink is sampled on the coarse grid …
+/// How finely the ink is sampled on the coarse grid.
 const COARSE: Fineness = Fineness { most_places: 3000, parts: 2 };
-/// … and on the fine one.
+/// How finely the ink is sampled on the fine grid.
 const FINE: Fineness = Fineness { most_places: 3000, parts: 3 };
 
-/// Fewer samples are strained in less time than it takes to share them.
+/// Fewer samples are processed faster than they are shared among threads.
 const LEAST_SHARED: usize = 500;
 /// The usual lengths of samples are close enough for cells with sides of this length, mm.
 const USUAL_CELL: f64 = 1.0;
@@ -148,7 +149,7 @@ const MAX_CLOSE_PIECES: f64 = 1e5;
 /// How rounds of weighting ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ending {
-    /// With a better map than at the start, or at one that leaves nothing.
+    /// With a better map than at the start, or with a map that leaves no error.
     Gained,
     /// With the map of the start, whose angles are within their limit.
     Within,
@@ -171,14 +172,16 @@ struct Task<'a> {
 impl IsometricMap {
     /// The map with the smallest strain from the drawing onto `surface`.
     ///
-    /// `ink` is the placed drawing; `anchor` keeps its place in the view, and the drawing's x direction there stays
-    /// the view's x direction. Strain is the relative change of length, |F_d| − 1 for a unit direction d of the
-    /// drawing and F(s, t) = (φ, f(φ)); its derivatives by the control points include the change of the surface's
-    /// slope and curvature as the point moves. The steps are Gauss–Newton steps, shortened or damped where they would
-    /// overshoot (Nocedal & Wright, Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates,
-    /// which are exact where the surface is developable, continue on a grid with cells of twice the side and end on
-    /// the fine grid, where rounds of weighting make the map true where the options ask for it. The limit for the angle
-    /// error of the ink comes from the map with equal weights, which is computed first.
+    /// `ink` is the placed drawing. `anchor` keeps its place in the view, and the drawing's x direction there
+    /// stays the view's x direction. Strain is the relative change of length, |F_d| − 1 for a unit direction
+    /// d of the drawing and F(s, t) = (φ, f(φ)). Its derivatives by the control points include the change of
+    /// the surface's slope and curvature as the point moves.
+    ///
+    /// The steps are Gauss–Newton steps, shortened or damped where they would overshoot (Nocedal & Wright,
+    /// Numerical Optimization, 2006, section 10.3). They start from geodesic parallel coordinates, which are
+    /// exact where the surface is developable. They continue on a grid with cells of twice the side and end
+    /// on the fine grid. There, rounds of weighting make the map true where the options ask for it. The limit
+    /// for the angle error of the ink comes from the map with equal weights, which is computed first.
     ///
     /// # Errors
     /// See [`IsometricError`].

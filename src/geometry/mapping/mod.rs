@@ -63,8 +63,9 @@ impl Method {
     pub const EXACT_TOLERANCE: f64 = 0.005;
 }
 
-/// Under small ink it matches one within this share of the diagonal of the ink: what a doubly curved part is off a cylinder there turns
-/// the surface by about four times as much, so that no length is wrong by more than 0.1 %.
+/// Under small ink, the part matches a cylinder or cone within this share of the diagonal of the ink. The
+/// distance of a doubly curved part from a cylinder there turns the surface by about four times this share,
+/// so that no length is wrong by more than 0.1 %.
 const EXACT_SHARE: f64 = 5e-4;
 
 /// A map from the placed drawing to the view, chosen for one drawing on one surface.
@@ -197,8 +198,8 @@ impl LengthTrueMap {
         }
     }
 
-    /// The map that the options ask for. What outlines enclose where there is no surface has no weight: the surface that
-    /// closes a hole has any shape.
+    /// The map that the options ask for. Where there is no surface, ink that outlines enclose has no weight,
+    /// because the surface that closes a hole may have any shape.
     fn isometric(
         surface: &FittedSurface,
         drawing: (&Pattern, &dyn Fn(&str) -> bool),
@@ -417,7 +418,7 @@ impl LengthTrueMap {
         Some((angle + FRAC_PI_2 - below).rem_euclid(PI) - FRAC_PI_2 + below)
     }
 
-    /// Whether the map is meant for comparison and not for the best lengths.
+    /// Whether the map is for comparison and not for the best lengths.
     pub fn is_for_comparison(&self) -> bool {
         matches!(self, Self::MappingDomain(_) | Self::Floater(_) | Self::Plain)
     }
@@ -480,12 +481,13 @@ impl LengthTrueMap {
     }
 }
 
-/// Unrolls twice. The primitive under the middle of the drawing shows where the drawing is mapped to, which is less far
-/// out than it was drawn; there the primitive is fitted again, and its residual is measured.
+/// Unrolls twice. The primitive under the middle of the drawing shows where the drawing is mapped to, which
+/// is nearer to the middle than it was drawn. There the primitive is fitted again, and its residual is
+/// measured.
 ///
-/// Under narrow ink, a small residual leaves the radius open: what bends by a tenth less leaves a strip of 8 mm of a can by no more
-/// than the tolerance. If the surface beside the ink is on one primitive with that under it, it determines the radius, and
-/// its primitive is taken.
+/// Under narrow ink, a small residual leaves the radius open: a strip of 8 mm of a can that bends by a tenth
+/// less differs by no more than the tolerance. If the surface beside the ink and the surface under it are on
+/// one primitive, it determines the radius, and its primitive is used.
 fn unroll(
     surface: &FittedSurface,
     ink: &Ink,
@@ -545,12 +547,14 @@ fn is_on_vertices(map: &LengthTrueMap, surface: &FittedSurface, ink: &Ink, reach
     reach == 0.0 || residual.is_ok_and(|off| off.is_some_and(|off| off <= WIDER * Method::EXACT_TOLERANCE))
 }
 
-/// How many times as wide as the ink, round the axis, the surface is that determines the radius; its residual may be as many times
-/// as large.
+/// The surface that determines the radius is this many times as wide as the ink, round the axis. Its residual
+/// may be this many times as large.
 const WIDER: f64 = 2.0;
-/// It is not known everywhere so far; this is enough …
+/// The surface need not be known over [`WIDER`] times the ink. A surface is enough if it turns by this many
+/// times the turn under the ink, or by [`WIDE`].
 const WIDE_ENOUGH: f64 = 1.5;
-/// … or this half angle, rad: over it a residual of the tolerance changes the radius by less than 1 % from 5 mm on.
+/// A surface with at least this half angle, rad, determines the radius ([`WIDE_ENOUGH`]). Over this angle, a
+/// residual of the tolerance changes a radius of 5 mm or more by less than 1 %.
 const WIDE: f64 = 0.5;
 
 /// Distance from the anchor to the farthest corner of the drawing, mm.
@@ -566,16 +570,18 @@ pub fn is_on_part(ink: &Ink, surface: &FittedSurface) -> bool {
     places.all(|at| surface.field.is_surface(at.coords().into()))
 }
 
-/// Lengths that are wrong by at most this share are true.
+/// Lengths are true if they are wrong by at most this share.
 const TRUE_LENGTHS: f64 = 1e-3;
 /// Factors on the weight of lengths, tried one after the other until the lines are as true as in the drawing as it is.
 const LENGTHS_ALONE: [f64; 3] = [10.0, 100.0, 1000.0];
-/// For truer lines or angles, the sizes of inked areas change by at most this share more.
+/// To make lines or angles truer, the sizes of inked areas may change by at most this share more.
 const GIVEN_AREAS: f64 = 0.01;
 
-/// Samples for the solver are half as dense in each direction as those for the quality results, which is enough for the
-/// reference cases to reach their expected values.
+/// Maximum length of the pieces of lines for the solver, mm. Its samples are half as dense in each direction
+/// as those for the quality results, which is enough for the reference cases to reach their expected values.
 const COARSE_PIECE: f64 = 2.0 * quality::PIECE;
+/// Side of the squares of the inked area for the solver, mm; half as dense as for the quality results
+/// ([`COARSE_PIECE`]).
 const COARSE_SQUARE: f64 = 2.0 * quality::SQUARE;
 
 /// Samples for the solver.

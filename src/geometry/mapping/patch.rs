@@ -12,7 +12,7 @@ const MAX_POINTS: usize = 1500;
 pub(super) const FEW_POINTS: usize = 200;
 /// Minimum number of points.
 const MIN_POINTS: usize = 25;
-/// With so many sampled points, those between samples are not needed.
+/// With this many sampled points, points between samples are not needed.
 const LEAST_SAMPLED: usize = 4 * MIN_POINTS;
 /// Sampled points of a part, mm, with their unit normals on the laser's side, in the frame of the view.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,7 +83,8 @@ impl SampledPatch {
         Self { points, normals }
     }
 
-    /// The largest distance of a point, mm, of which `distance` gives the signed one; infinite if one is not finite.
+    /// The largest distance of a point, mm; `distance` returns the signed distance of one. Infinite if a
+    /// distance is not finite.
     pub(super) fn largest_distance(&self, distance: impl Fn(&Point3<f64>) -> f64) -> f64 {
         let distances = self.points.iter().map(|point| distance(point).abs());
         distances.fold(0.0, |largest, one| if one.is_finite() { one.max(largest) } else { f64::INFINITY })

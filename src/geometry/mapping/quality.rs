@@ -17,12 +17,13 @@ pub const PIECE: f64 = 0.25;
 /// Side of the squares of the inked area for the quality results, mm; in small drawings it is smaller.
 pub const SQUARE: f64 = 0.2;
 
-/// Ink is sampled with smaller squares, by these factors one after the other, until they show it.
+/// Ink is sampled with smaller squares, by these factors one after the other, until the squares show the ink.
 const SMALLER: [f64; 3] = [0.5, 0.25, 0.125];
 
-/// How many times the mean of a doubt its largest value is.
+/// The largest value of a doubt is this many times its mean.
 const PEAK: f64 = Uncertainty::PEAK;
-/// The same for angles, to which errors of the slope in two directions add.
+/// The largest doubt about an angle is this many times its mean: errors of the slope in two directions add to
+/// it.
 const PEAK_OF_ANGLE: f64 = 3.4;
 
 /// The differences between the drawing and its image on the part.
@@ -93,8 +94,8 @@ pub fn sample(pattern: &Pattern, is_marked: impl Fn(&str) -> bool) -> Ink {
     })
 }
 
-/// The same without the areas inside outlines that nothing fills: there, a laser marks only the lines. The squares are as large as those
-/// of `ink`, the same drawing with these areas.
+/// The same without the areas inside outlines that nothing fills: there, a laser marks only the lines. The
+/// squares are as large as those of `ink`, which is the same drawing with these areas.
 pub fn sample_as_marked(pattern: &Pattern, is_marked: impl Fn(&str) -> bool, ink: &Ink) -> Ink {
     let factor = (ink.side / SQUARE).min(1.0);
     Ink::sample_as_marked(pattern, is_marked, factor * PIECE, ink.side)
@@ -108,7 +109,7 @@ fn covering(sample: impl Fn(f64) -> Ink) -> Ink {
             break;
         }
         let finer = sample(part);
-        // There are at most so many squares.
+        // The number of squares is limited, so smaller ones are not always possible.
         if finer.side >= ink.side {
             break;
         }
@@ -135,8 +136,9 @@ pub fn measure(
     measure_at_most(ink, map, height, |_| Uncertainty::NONE)
 }
 
-/// The same as [`measure_at_most`] on the sampled part of a surface, with few samples in large inked areas where they are
-/// smooth. With `is_doubted`, the surface states what is not known of the part. What the samples leave open is added: at most 0.2 % to sums, and 0.2 % or rounding to largest values.
+/// The same as [`measure_at_most`] on the sampled part of a surface, with few samples in large inked areas
+/// where they are smooth. With `is_doubted`, the uncertainty of the part is that of the surface. What the
+/// samples leave open is added: at most 0.2 % to sums, and 0.2 % or rounding to largest values.
 ///
 /// # Errors
 /// The first point of the view where there is no surface.
@@ -263,9 +265,9 @@ impl Spread {
         Self { sides: sides.into() }
     }
 
-    /// How many times the mean of a doubt over the facets is that over the ink at most. Ink that covers the share s of them may be
-    /// where the squares of what is not known are 1/s times their mean (Cauchy & Schwarz), and nowhere more than [`PEAK`]
-    /// squared. A line is as wide as its pieces are long.
+    /// How many times larger the mean of a doubt over the ink is than over the facets, at most. Ink that
+    /// covers the share s of the facets may be where the squares of the doubt are 1/s times their mean
+    /// (Cauchy & Schwarz), and nowhere more than [`PEAK`] squared. A line is as wide as its pieces are long.
     fn times_mean(&self, doubt: Uncertainty) -> f64 {
         let reach = doubt.reach();
         let squared = self.sides.iter().map(|side| 1.0 + reach / side.max(PIECE)).product::<f64>();
@@ -385,15 +387,17 @@ impl SharedCorners {
     }
 }
 
-/// Blocks are divided until no more than this share of a sum over an inked area is open …
+/// Blocks are divided until at most this share of a sum over an inked area is open. [`SAME_AREA`] applies if
+/// it allows more.
 const OPEN: f64 = 2e-3;
-/// … or this share of the area.
+/// Blocks are divided until at most this share of the inked area is open. [`OPEN`] applies if it allows more.
 const SAME_AREA: f64 = 1e-8;
 /// Rounding may change the sums of samples by this share of the area.
 const ROUNDING: f64 = 1e-10;
-/// Blocks are divided until no more than this share of a largest value is open …
+/// Blocks are divided until a largest value can grow by no more than this factor, and by [`SAME`].
 const SLACK: f64 = 1.002;
-/// … or this stretch, or angle in rad.
+/// Blocks are divided until a largest stretch, or a largest angle in rad, can grow by no more than this in
+/// addition to [`SLACK`].
 const SAME: f64 = 2e-6;
 
 /// How far a sum over many blocks may be wrong. A trend over the area adds up from block to block; roughness does not.
@@ -404,7 +408,7 @@ struct Open {
 }
 
 impl Open {
-    /// The standard deviations of what does not add up.
+    /// The standard deviations of errors that do not add up.
     const DEVIATIONS: f64 = 3.0;
 
     fn add(&mut self, off_by: f64) {
@@ -424,7 +428,7 @@ impl Open {
 
 /// What is known of a block of inked area.
 enum Measured {
-    /// Every square was measured, or nothing of it is on the part.
+    /// Every square was measured, or none of it is on the part.
     Exactly,
     /// It may be partly beside the part.
     Divided,
@@ -606,7 +610,7 @@ impl Distortion {
         self.include_angle([&square.across, &square.up], square.doubt);
     }
 
-    /// Includes a block of squares of which some were measured, with what they leave open.
+    /// Includes a block in which some squares were measured, with the amount that they leave open.
     fn include_open(&mut self, block: &Estimate, squares: f64) {
         let [error, uncertain] = block.mean.map(|mean| mean * squares);
         self.area_error += error + uncertain;

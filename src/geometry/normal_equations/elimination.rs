@@ -40,9 +40,9 @@ struct Front {
 }
 
 impl Elimination {
-    /// The order for a grid of `columns` points in each row, of which those for which `is_unknown` is true (by index,
-    /// row by row) are unknowns, each coupled to those at most `reach` rows and columns from it. `None` when there is not
-    /// enough memory.
+    /// The order for a grid of `columns` points in each row. Points for which `is_unknown` is true (by index,
+    /// row by row) are unknowns. Each is coupled to those at most `reach` rows and columns from it. `None` if
+    /// there is not enough memory.
     pub(crate) fn new(
         (columns, rows): (usize, usize),
         reach: usize,
@@ -130,8 +130,8 @@ impl Elimination {
         &self.rows[start..self.fronts[front].rows_end]
     }
 
-    /// For each front the first of those that are added to it, directly or through others; itself if there are none. `None` when
-    /// there is not enough memory.
+    /// For each front, the first of the fronts that are added to it, directly or through others; itself if
+    /// there are none. `None` if there is not enough memory.
     pub(crate) fn starts(&self) -> Option<Vec<usize>> {
         let mut starts: Vec<usize> = Vec::new();
         starts.try_reserve_exact(self.fronts.len()).ok()?;

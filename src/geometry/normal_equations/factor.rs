@@ -29,9 +29,10 @@ const PANEL: usize = 24;
 /// Rows of tiles that stay in the cache while others are multiplied by them.
 const BLOCK: usize = 24;
 
-/// Halves with fewer unknowns are factored in less time than it takes to share them, …
+/// Halves with fewer unknowns are factored faster than they are shared among threads.
 const LEAST_HALF: usize = 400;
-/// … and so are those with a smaller share of all: more would be for more threads than there are.
+/// Halves with less than one in this many of all unknowns are not shared: there would be more of them than
+/// threads.
 const SMALLEST_SHARE: usize = 16;
 
 /// Why there is no factor.
@@ -90,7 +91,7 @@ struct Task<'a, Matrix> {
     matrix: &'a Matrix,
     /// See [`Elimination::starts`].
     starts: &'a [usize],
-    /// Halves have so many unknowns, at least.
+    /// Halves have at least this many unknowns.
     least_half: usize,
     fork: &'a dyn Fork,
 }

@@ -4,12 +4,13 @@ use nalgebra::{Point3, Vector3};
 
 use super::disjoint_sets::DisjointSets;
 
-/// Positions closer together than this, mm, are one place: exporters repeat vertices at face borders and in every facet, and
-/// the copies differ by what 32-bit floats, and turning and moving a body, leave: 0.00002 mm on a part of 200 mm. It is less than
-/// the last of three decimals.
+/// Positions closer together than this, mm, are one place. Exporters repeat vertices at face borders and in
+/// every facet. The copies differ because of 32-bit floats and because bodies are turned and moved: by
+/// 0.00002 mm on a part of 200 mm. The limit is less than the last of three decimals.
 pub(super) const WELD_DISTANCE: f64 = 5e-4;
 
-/// Size of the cells in which positions are looked up, as a multiple of the distance: few positions are near the border of one.
+/// Size of the cells in which positions are looked up, as a multiple of the distance. With this size, few
+/// positions are near the border of a cell.
 const CELL: f64 = 16.0;
 
 /// The normal of a triangle whose smallest height is less than this, mm, is not reliable.
@@ -170,8 +171,9 @@ pub(crate) fn opposite_sides(triangles: &[[u32; 3]]) -> Vec<u32> {
     opposite
 }
 
-/// Values by the group to which they belong, in the order in which `items` has them (group, value): where those of each of the
-/// `count` groups begin, and at the end their number; and the values.
+/// Values by the group to which they belong, in the order in which `items` has them (group, value). Returns
+/// the index at which the values of each of the `count` groups begin, with the number of values at the end;
+/// and the values.
 pub(super) fn grouped<Items: Iterator<Item = (u32, u32)>>(
     count: usize,
     items: impl Fn() -> Items,
@@ -190,7 +192,7 @@ pub(super) fn grouped<Items: Iterator<Item = (u32, u32)>>(
     (starts, values)
 }
 
-/// Marks the vertices that can be reached from the marked ones over so many sides.
+/// Marks the vertices that can be reached from the marked ones over at most `sides` sides.
 pub(super) fn spread(is_marked: &mut [bool], triangles: &[[u32; 3]], sides: usize) {
     for _ in 0..sides {
         let before = is_marked.to_vec();

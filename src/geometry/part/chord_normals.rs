@@ -4,13 +4,15 @@ use nalgebra::{Point3, Vector3};
 
 use super::mesh::TriMesh;
 
-/// Normals are turned where they lean towards one end by more than this share of the turn between the ends, root mean square: exact
-/// ones of the coarsest CAD exports reach 0.38, those that are turned at random by as much as facets turn 0.5.
+/// Normals are turned if they lean towards one end by more than this share of the turn between the ends, root
+/// mean square. Exact normals of the coarsest CAD exports reach 0.38. Normals that are turned at random by as
+/// much as facets turn reach 0.5.
 const TURNED: f64 = 0.45;
-/// Triangles looked at, at most; those of larger meshes are sampled evenly.
+/// At most this many triangles are looked at; those of larger meshes are sampled evenly.
 const SAMPLE: usize = 20_000;
-/// The normals at the ends of a chord of a smooth curve lean from it by angles that differ by at most this share of the turn
-/// between them: one is a third of the turn, the other two thirds, where the curvature grows evenly from nothing.
+/// The normals at the ends of a chord of a smooth curve lean from it by angles that differ by at most this
+/// share of the turn between them. Where the curvature grows evenly from zero, one angle is a third of the
+/// turn and the other is two thirds.
 const MOST_UNEVEN: f64 = 1.0 / 3.0;
 
 /// A side of a mesh with the normals at its ends.
@@ -40,8 +42,8 @@ impl Chord {
     }
 }
 
-/// Whether normals lean from weighted chords as those of a smooth surface do, in the root mean square. Rounded
-/// numbers would decide about single chords along rulings, between whose ends nothing turns.
+/// Whether normals lean from weighted chords as on a smooth surface, in the root mean square. Single chords
+/// along rulings have no turn between their ends, so rounded numbers would decide there.
 pub(super) fn are_of_smooth_curves(chords: impl Iterator<Item = (Chord, f64)>) -> bool {
     let mut excess = 0.0;
     for (chord, weight) in chords.filter(|(chord, _)| chord.length() > 0.0) {
@@ -58,8 +60,9 @@ pub(super) fn unevenness(chords: &[Chord]) -> f64 {
     (squares / chords.len().max(1) as f64).sqrt()
 }
 
-/// How far the normals of a mesh lean from those of a smooth surface through its vertices, rad, root mean square over the sides
-/// of its triangles, where that is more than the curvature explains; `None` where the normals fit, or there are none.
+/// How far the normals of a mesh lean from the normals of a smooth surface through its vertices, rad, root
+/// mean square over the sides of its triangles. Only a lean that the curvature does not explain has an
+/// effect. `None` if the normals fit, or if there are none.
 pub fn turned(mesh: &TriMesh) -> Option<f64> {
     if mesh.normals().is_empty() {
         return None;

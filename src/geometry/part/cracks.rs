@@ -1,7 +1,9 @@
-//! Cracks of a mesh, where the corners of neighbouring triangles are near each other but not at one place, joined.
+//! Joins cracks of a mesh, where the corners of neighbouring triangles are near each other but not at one
+//! place.
 //!
-//! Programs that cut each face of a part into triangles by itself, or move the corners of each triangle by themselves, leave cracks of
-//! some thousandths of a millimetre. No triangle continues another one across them, so that each would be a facet by itself.
+//! Some programs cut each face of a part into triangles by itself, or move the corners of each triangle by
+//! themselves. This leaves cracks of some thousandths of a millimetre. No triangle continues another one
+//! across a crack, so that each would be a facet by itself.
 
 use nalgebra::{Point3, Vector3};
 
@@ -9,13 +11,15 @@ use super::adjacency::{weld, weld_within};
 use super::holes::ends_of_border;
 use super::mesh::TriMesh;
 
-/// Corners at the border of a mesh are joined where they are nearer to each other than this, mm: skins that are 0.01 mm apart stay two.
+/// Corners at the border of a mesh are joined if they are nearer to each other than this, mm. Skins that are
+/// 0.01 mm apart remain two skins.
 const WIDEST: f64 = 5e-3;
-/// Where a triangle has a side that is shorter than this, mm, or is lower than [`WIDEST`], its corners stay where they are, and all at
-/// the same place: it may be a wall between two faces that are as near to each other.
+/// The corners of a triangle are not moved, and no corner at the same place is, if the triangle has a side
+/// shorter than this, mm, or is lower than [`WIDEST`]. It may be a wall between two faces that are as near to
+/// each other.
 const SHORTEST_SIDE: f64 = 4.0 * WIDEST;
-/// Triangles that meet at an angle of less than 26° are the two skins of a sheet: the cosine. Skins that are so near to each other as to
-/// be joined meet at less than 15°, if their triangles are no slivers.
+/// Triangles are the two skins of a sheet if the cosine of the angle at which they meet is larger than this
+/// (26°). Skins that are near enough to be joined meet at less than 15°, unless their triangles are slivers.
 const FOLDED: f64 = 0.9;
 
 /// The cracks of a mesh that were closed.
@@ -39,8 +43,9 @@ struct Side {
     opposite: u32,
 }
 
-/// The mesh with corners that are up to 0.005 mm apart moved to the middle between them, where that joins two triangles, and what was
-/// joined; `None` and the mesh as it is if there is nothing to join, or if two of its skins are that near to each other.
+/// The mesh with corners that are up to 0.005 mm apart moved to the middle between them, where that joins two
+/// triangles; and a description of the joined cracks. `None` and the unchanged mesh if there is nothing to
+/// join, or if two of its skins are that near to each other.
 pub fn joined(mesh: TriMesh) -> (TriMesh, Option<Cracks>) {
     let Some(places) = Places::of(&mesh) else { return (mesh, None) };
     let mut is_joined = vec![false; places.middles.len()];
@@ -92,9 +97,9 @@ struct Places {
     /// For each vertex the number of its place below, from 1 on; 0 for those that are not at the border.
     numbers: Vec<u32>,
     places: Vec<Place>,
-    /// For each number of places that may be one: the middle between these, mm, …
+    /// For each group of places that may be one, by its number: the middle between the places, mm.
     middles: Vec<Point3<f64>>,
-    /// … and whether they are not.
+    /// For each group of places that may be one, by its number: whether they are different places after all.
     is_kept: Vec<bool>,
 }
 
@@ -173,7 +178,7 @@ fn sides_of(mesh: &TriMesh, place: impl Fn(u32) -> Option<u32>) -> Vec<Side> {
     sides
 }
 
-/// Whether two triangles lie on each other, from their common side on.
+/// Whether two triangles are folded onto each other at their common side.
 fn is_folded(mesh: &TriMesh, one: &Side, other: &Side) -> bool {
     let across = |side: &Side| {
         let [from, to, opposite] =
@@ -183,7 +188,7 @@ fn is_folded(mesh: &TriMesh, one: &Side, other: &Side) -> bool {
     };
     let [one, other] = [across(one), across(other)];
     let lengths = [one.norm(), other.norm()];
-    // Which way a sliver lies, its corners do not show.
+    // The corners of a sliver do not show its direction.
     lengths.iter().all(|length| *length > SHORTEST_SIDE) && one.dot(&other) > FOLDED * lengths[0] * lengths[1]
 }
 

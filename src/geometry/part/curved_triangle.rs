@@ -1,25 +1,31 @@
-//! Curved triangles: a CAD tessellation has few, large facets, but its vertices and normals lie on the true surface.
+//! Curved triangles: a CAD tessellation has few, large facets, but its vertices and normals are those of the
+//! exact surface.
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
 /// A normal that deviates further than this from its facet's, as a cosine, is damaged; the facet's normal is used
 /// instead.
 const MIN_AGREEMENT: f64 = 0.5;
-/// When two handles share a turn, each gets at least this share of the mean: with less, the side is not an arc.
+/// When two handles share a turn, each gets at least this share of the mean: with less, the side would not be
+/// an arc.
 const MIN_SHARE: f64 = 0.25;
 /// Ends that are less than this below the tangent planes, mm, give no information about the turn between them: along a
 /// ruling both distances are only the rounding of the file's numbers.
 const MIN_FALL: f64 = 1e-3;
 /// How sharply sides along a ruling are distinguished from sides across it: the exponent of the weight in [`handle`].
 const ALONG_POWER: i32 = 8;
-/// Bounds of a handle between normals whose ends are at most so far apart, squared, …
+/// A handle is bounded only if the normals at its ends are at most this far apart, squared, no unit.
 const LITTLE_TURN: f64 = 0.2;
-/// … which are certainly not damaged: …
+/// A handle is bounded only if the cosines between the normals and their facet are above this. Such normals
+/// are certainly not damaged ([`MIN_AGREEMENT`]).
 const AGREEMENT: f64 = 0.51;
-/// … its share of the side, how much more than a third it is for the square of the turn, and the share of the side that the uneven
-/// turn along a cone moves it by.
+/// A bounded handle leaves its side by at most this share of the distance between the end of the side and the
+/// tangent plane.
 const MOST_SHARE: f64 = 0.347;
+/// A bounded handle is longer than a third of its side by at most this share of the side times the square of
+/// the turn.
 const LONGER: f64 = 1.0 / 15.0;
+/// An uneven turn, as along a cone, moves a bounded handle by at most this share of its side.
 const ALONG_TURN: f64 = 0.053;
 /// Barycentric coordinates may be this far below 0, so that no node on the border of two triangles is missed.
 const BORDER_TOLERANCE: f64 = 1e-6;
@@ -152,7 +158,8 @@ impl CurvedTriangle {
         let Some(facet) = (b - a).cross(&(c - a)).try_normalize(0.0) else { return self };
         // The normals of an inside-out part are valid, too.
         let normals = normals.map(|normal| if normal.dot(&facet) < 0.0 { -normal } else { normal });
-        // By half of what the heights of both handles of a side differ, mm; on cylinders they are alike along the mean of the normals.
+        // By half of the difference between the heights of both handles of a side, mm. On cylinders, these
+        // heights are equal along the mean of the normals.
         let uneven = [0, 1, 2].map(|side| {
             let normal = (normals[side] + normals[(side + 1) % 3]).try_normalize(0.0).unwrap_or(facet);
             (bulge[2 * side] - bulge[2 * side + 1]).dot(&normal) / 2.0
@@ -161,11 +168,12 @@ impl CurvedTriangle {
         Self::of_net(corners, bulge)
     }
 
-    /// At least the [largest bulge](Self::largest_bulge) of the patch over `corners` (mm) with their unit `normals`, without its
-    /// roots; infinite where the normals turn much.
+    /// At least the [largest bulge](Self::largest_bulge) of the patch over `corners` (mm) with their unit
+    /// `normals`, without its roots; infinite where the normals turn much.
     ///
-    /// A handle leaves its side by what it is longer than a third of the side, by its share of what the side leaves the tangent
-    /// plane, and by its change along the turn, which is largest where that makes an angle of 76° with the side.
+    /// The distance of a handle from its side has three parts: its excess over a third of the side; its share
+    /// of the distance between the side and the tangent plane; and its change along the turn, which is
+    /// largest where the turn makes an angle of 76° with the side.
     pub(super) fn most_bulge(corners: [Point3<f64>; 3], normals: [Vector3<f64>; 3]) -> f64 {
         let [a, b, c] = corners;
         let facet = (b - a).cross(&(c - a));
@@ -192,8 +200,8 @@ impl CurvedTriangle {
         }
         let changed = longest.sqrt() * uneven * ALONG_TURN;
         let handle = longest.sqrt() * turn * LONGER + changed + lean * MOST_SHARE;
-        // Half of what the heights of two handles above the facet differ by: what the sides leave the tangent planes differs, and the
-        // planes do.
+        // Half of the difference between the heights of two handles above the facet. The distances of the
+        // sides from the tangent planes differ, and the planes differ.
         let bend = changed + (unlike + lean * turn.sqrt()) * MOST_SHARE / 2.0;
         // The middle point is a quarter of the sum of six handles, and what the turns add: of two medians, at most twice as long and
         // with twice the turn of a side. Uneven bends add two and a half of theirs, and one and a quarter beside an obtuse angle.

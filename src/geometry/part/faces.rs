@@ -1,6 +1,8 @@
-//! The faces of a height field: what edges of the part divide its smooth surface into, as a flat top and the chamfer round it.
+//! The faces of a height field. Edges of the part divide its smooth surface into faces, for example a flat
+//! top and the chamfer round it.
 //!
-//! Edges are between the nodes. Beside one, the surface of a face is known from its own nodes, and so is where two faces meet.
+//! Edges are between the nodes. Beside an edge, the surface of a face is known from its own nodes. This also
+//! shows where two faces meet.
 
 use std::collections::BTreeSet;
 
@@ -11,11 +13,11 @@ use super::facing_part::PartSamples;
 use super::height_field::{HeightField, NO_FACE, Node};
 use crate::geometry::space::{Extents, ViewPoint};
 
-/// A point is on one of two faces if it is farther from where they meet than this share of the distance between nodes: there may be
-/// a narrow face between them that no node is on.
+/// A point is on one of two faces if it is farther from where they meet than this share of the distance
+/// between nodes. Nearer to it there may be a narrow face between them that has no node.
 const BESIDE_EDGE: f64 = 0.2;
 
-/// So many nodes in a row show how a face is curved.
+/// At least this many nodes in a row show how a face is curved.
 const LEAST_ACROSS: usize = 3;
 
 /// Two faces meet at an edge if their slopes differ by at least this, no unit.

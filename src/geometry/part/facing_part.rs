@@ -17,7 +17,8 @@ use super::solid::rays::{FaceHit, HIDDEN, SeenSolid, Start, first_of};
 use crate::geometry::fork::{Fork, InTurn, found, in_pieces, join, mapped, start};
 use crate::geometry::space::{Extents, View, ViewPoint};
 
-/// Nobody marks where the tangent of the angle between the normal and the laser's axis is larger (60°).
+/// Surface is not marked where the tangent of the angle between its normal and the laser's axis is larger
+/// (60°).
 const STEEPEST_MARKED: f64 = 1.732;
 
 /// Two sides of the part whose meshes are not joined continue each other where the difference of their heights is as
@@ -138,8 +139,8 @@ impl Uncertainty {
     /// The part is known.
     pub const NONE: Self = Self { slope: 0.0, height: 0.0 };
 
-    /// The doubt about the slope is a mean over a facet; at some place it is this many times as large. Sums over many facets need
-    /// the mean, largest values the latter.
+    /// The doubt about the slope is a mean over a facet. At some place, the doubt is this many times as
+    /// large. Sums over many facets need the mean; largest values need the latter.
     pub const PEAK: f64 = 3.0;
 
     /// That of a `slope`, rad, that changes its sign over `reach`, mm: the height is the sagitta of an arc that leaves its chord at this
@@ -369,8 +370,9 @@ impl<'f> FacingPart<'f> {
         }
     }
 
-    /// Whether a triangle that faces away from the laser is above a hit on another one by its bulge alone, as the underside of a thin
-    /// wall with coarse facets may be: the laser meets the side that faces it.
+    /// Whether a triangle that faces away from the laser is above a hit on another one only because of its
+    /// bulge, as the underside of a thin wall with coarse facets may be. The laser meets the side that faces
+    /// it.
     fn bulges_through(&self, triangle: usize, other: usize, at: Vector2<f64>, hit: &Hit) -> bool {
         let flat_height = || {
             let points = self.mesh.corners(triangle).0;
@@ -545,8 +547,9 @@ impl HeightField {
     }
 }
 
-/// Where the laser's axis meets the cone of which a triangle is a facet, if its patch, which leaves the facet by at most `bulge`, mm,
-/// is hit; `None` at the apex, which has no slope, and where that is farther from the hit than from a surface that may be marked.
+/// Where the laser's axis meets a cone if a triangle is a facet of the cone and its patch is hit; the patch
+/// leaves the facet by at most `bulge`, mm. `None` at the apex, which has no slope. Also `None` if that point
+/// is farther from the hit than from a surface that may be marked.
 fn hit_on_cone(cone: &Cone, at: Vector2<f64>, hit: Hit, bulge: f64) -> Option<Hit> {
     let point = cone.on_sight(at.into(), hit.height)?;
     let most = (bulge + WELD_DISTANCE) / STEEPEST_SURFACE.cos();
@@ -609,8 +612,8 @@ fn exact_hit(found: &[FaceHit]) -> (Option<(u32, Hit)>, Option<f64>) {
     (Some((first.face, Hit { height: first.height, gradient, on_patch: true })), gap)
 }
 
-/// The nodes at a step, of those at a cliff: both sides of it may be marked, unlike those of an outline below which another part of
-/// the surface is seen.
+/// The nodes at a step, of those at a cliff: both sides of a step may be marked. Below an outline, another
+/// part of the surface is visible; only one side can be marked there.
 fn steps_at(is_at_cliff: &[bool], grid: &Grid, hits: &[Option<(u32, Hit)>]) -> Vec<bool> {
     let mut is_at_step = vec![false; is_at_cliff.len()];
     if !is_at_cliff.contains(&true) {

@@ -1,7 +1,8 @@
 //! Facets that are shaded flat although they may be cut from a smooth surface.
 //!
-//! Flat shading gives every facet the normal of its plane. Such normals do not tell a round part from one with flat sides.
-//! The facets do: those of a round face turn on and on by about the same angle, and are about equally wide.
+//! Flat shading gives every facet the normal of its plane. Such normals do not show whether a part is round
+//! or has flat sides. The facets do: on a round face, each turns from the last by about the same angle, and
+//! all are about equally wide.
 
 use nalgebra::{Point3, Vector3};
 
@@ -12,10 +13,11 @@ use super::polygons::{self, ROUNDED};
 use super::rounding;
 use super::smooth_mesh::{CREASE_ANGLE, NORMAL_TOLERANCE, TURN_OF_PRISM};
 
-/// The normal of a facet is within this of that of each of its triangles, rad (1.2°): a polygon may be bent a little.
+/// The normal of a facet differs from that of each of its triangles by at most this, rad (1.2°): a polygon
+/// may be slightly bent.
 const SAME_NORMAL: f64 = 0.021;
-/// The rounding of positions moves the corner of a triangle out of its plane by at most so many standard deviations: normals are
-/// those of the facets before.
+/// Rounding moves the corner of a triangle out of its plane by at most this many standard deviations of the
+/// positions. The normals are those of the facets before rounding.
 const BY_CHANCE: f64 = 5.0;
 /// Two turns, or two widths, are alike if one is at most this many times the other.
 const ALIKE: f64 = 1.5;
@@ -24,17 +26,19 @@ const BENT: f64 = 0.175;
 /// Share of the triangles whose normals may differ from their planes: slivers have no well-defined plane.
 const SLIVERS: f64 = 0.01;
 
-/// Facets that are shaded flat and continue one another as those of a round face do.
+/// Facets that are shaded flat and continue one another as on a round face.
 pub struct OpenFacets {
-    /// For each vertex, whether it belongs to a body that is shaded flat throughout and has such facets; empty if there is no such
-    /// body, or if the mesh has no normals. A body is what is connected by sides of triangles.
+    /// For each vertex, whether it belongs to a body that is shaded flat throughout and has such facets.
+    /// Empty if there is no such body, or if the mesh has no normals. Triangles that are connected by sides
+    /// form one body.
     pub is_of_flat_body: Vec<bool>,
-    /// What a smooth surface through the vertices makes of the facets of these bodies; in a mesh without normals of all facets.
+    /// How a smooth surface through the vertices would change the facets of these bodies. In a mesh without
+    /// normals: of all facets.
     pub roundings: Vec<Rounding>,
-    /// For each triangle, the angle by which it and the next ones turn, rad, where it is such a facet of any other body; 0
-    /// elsewhere. Empty if there are none.
+    /// For each triangle that is such a facet of any other body, the angle by which it and the next ones
+    /// turn, rad; 0 for other triangles. Empty if there are no such facets.
     pub turns: Vec<f32>,
-    /// Whether normals differ within a triangle: the program that wrote them shades what is round smooth.
+    /// Whether normals differ within a triangle: the program that wrote them shades round faces smooth.
     pub has_smooth: bool,
 }
 

@@ -1,9 +1,9 @@
 //! Normals where a wide facet continues in narrow ones, as a flat side continues in its fillet.
 //!
-//! An estimate from the facets round such a vertex leans towards the narrow facets, which would make the flat side
-//! bulge over its whole width. The narrow side gives better information: on a smooth curve, the normals at both ends
-//! of a short chord lean away from it by equal and opposite angles (exactly on circles, to third order elsewhere),
-//! and at its far end all facets have similar widths.
+//! An estimate from the facets round such a vertex leans towards the narrow facets, which would make the flat
+//! side bulge over its whole width. The narrow side gives better information: on a smooth curve, the normals
+//! at both ends of a short chord lean away from it by equal and opposite angles (exactly on circles, to third
+//! order elsewhere), and at its far end all facets have similar widths.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
@@ -12,41 +12,50 @@ use super::chord_normals::{self, Chord};
 use super::smooth_mesh::SmoothMesh;
 use crate::geometry::fork::{Fork, mapped};
 
-/// Facets belong to one plane if their corners are within this of it, mm, and the cosine between their normals is above
-/// [`COPLANAR`]: tolerances for the rounding in files.
+/// The corners of facets in one plane are at most this far from it, mm, because of rounding in files.
+/// [`COPLANAR`] limits their angle.
 const PLANE_DISTANCE: f64 = 5e-4;
+/// Facets are in one plane only if the cosine of the angle between their normals is larger than this, because
+/// of rounding in files. [`PLANE_DISTANCE`] limits their distance.
 const COPLANAR: f64 = 0.9998;
-/// Triangles that their normals bend by less than this, mm, are not changed.
+/// Triangles that are bent by their normals by less than this, mm, are not changed.
 const NEGLIGIBLE_BEND: f64 = 1e-3;
-/// A vertex is uneven if the width of one of its planes is this many times that of another; in files of rounded numbers, in the
-/// direction in which it turns to it.
+/// A vertex is uneven if one of its planes is this many times as wide as another. In files of rounded
+/// numbers, the width is measured in the direction in which the one plane turns to the other.
 const UNEVEN: f64 = 2.5;
-/// Planes are about as wide as the widest one if that is less than so many times as wide.
+/// The widest plane is less than this many times as wide as planes that are about as wide.
 const LIKE: f64 = 1.5;
-/// Rounding turns a narrow plane by at most so many times its standard deviation over the width of the plane, rad.
+/// Rounding turns a narrow plane by at most this many times its standard deviation divided by the width of
+/// the plane, rad.
 const BY_CHANCE: f64 = 10.0;
 /// Weight of the previous estimate relative to that of the nearest vertex.
 const PRIOR: f64 = 1e-3;
-/// If a normal deviates from that of its widest plane by less than this share of the narrow facets' turn, it is
-/// replaced by the plane's normal: the difference is within the third-order error of the chords.
+/// If a normal deviates from that of its widest plane by less than this share of the turn of the narrow
+/// facets, it is replaced by the normal of the plane: the difference is within the third-order error of the
+/// chords.
 const MIN_LEAN: f64 = 0.15;
-/// The same for a plane of several triangles that is surrounded by narrow facets, where the wide facet would bulge so many times as
-/// far as these: tessellations do not turn by less at wide chords of an arc than at narrow ones, so that the normals of a round face
-/// would lean by half of the turn there.
+/// The same limit for a plane of several triangles that is surrounded by narrow facets, if the plane would
+/// bulge notably farther than these ([`BULGES_MORE`]). Tessellations turn by no less at wide chords of an arc
+/// than at narrow ones, so that the normals of a round face would lean by half of the turn there.
 const MIN_LEAN_OF_SURROUNDED: f64 = 0.35;
+/// [`MIN_LEAN_OF_SURROUNDED`] applies if the plane would bulge more than this many times as far as the narrow
+/// facets.
 const BULGES_MORE: f64 = 1.5;
-/// The facets of a tessellation leave the part by about the same distance everywhere. A plane that is surrounded by narrow facets
-/// is flat where its normal would make it bulge so many times as far as these.
+/// A plane that is surrounded by narrow facets is flat if its normal would make it bulge more than this many
+/// times as far as these. The facets of a tessellation leave the part by about the same distance everywhere.
 const IMPLAUSIBLE: f64 = 6.0;
-/// Wide planes that take turns with narrow ones are of a round face if the normals at both ends of its arc differ by no more than this,
-/// rad, as over a side of a cylinder with 12 sides.
+/// Wide planes that take turns with narrow ones belong to a round face if the normals at both ends of the arc
+/// over a wide one differ by at most this, rad. This is the angle over a side of a cylinder with 12 sides.
 pub(super) const CHORD_OF_ROUND: f64 = 0.53;
-/// The width of one is at least so many times that of the next, and at most the second: the narrower ones of flat sides are fillets.
+/// Where wide and narrow planes of a round face take turns, a wide one is more than this many times as wide
+/// as the next.
 const IN_TURN: f64 = 1.5;
+/// Where wide and narrow planes of a round face take turns, a wide one is at most this many times as wide as
+/// the next. Beside wider flat sides, the narrow planes are fillets.
 pub(super) const MOST_IN_TURN: f64 = 3.5;
-/// The curvatures at both sides of a wide one differ by at most this factor.
+/// The curvatures on both sides of a wide plane of a round face differ by at most this factor.
 const OF_ONE_CURVE: f64 = 1.5;
-/// The share of its boundary on which a plane has narrow neighbours if it is surrounded by them.
+/// A plane is surrounded by narrow planes if they are on at least this share of its boundary.
 const SURROUNDED: f64 = 0.9;
 
 /// Groups of coplanar triangles that continue each other.
@@ -184,7 +193,8 @@ pub(super) fn lead_across(mesh: &mut SmoothMesh, estimated: &Estimated<'_>, plan
 pub(super) struct PlaneOf {
     /// mm².
     pub(super) area: f64,
-    /// Whether it can be one polygon that was divided into triangles: it has no vertex inside, as the middle of a fan is.
+    /// Whether it can be one polygon that was divided into triangles: then it has no vertex inside, unlike a
+    /// fan with its middle.
     pub(super) is_polygon: bool,
     /// Whether all its triangles meet at a vertex inside.
     pub(super) is_fan: bool,
@@ -316,7 +326,7 @@ impl Spans {
                 {
                     span.like = Some(plane);
                 }
-                // Without rounding, what is in one plane is one facet.
+                // Without rounding, facets in one plane are one facet.
                 if mesh.rounding == 0.0 {
                     span.is_uneven = span.width > UNEVEN * span.narrowest;
                     continue;
@@ -416,8 +426,9 @@ impl<'a> Spreads<'a> {
         found
     }
 
-    /// Whether a wide plane and a narrow one beside it are so in the direction in which the one turns to the other, and rounding does
-    /// not explain this turn. The narrow facets of a turned part with a fine profile are as wide as others round its axis.
+    /// Whether a wide plane and a narrow one beside it are wide and narrow in the direction in which the wide
+    /// one turns to the narrow one, and rounding does not explain this turn. The narrow facets of a turned
+    /// part with a fine profile are as wide as others round its axis.
     fn are_uneven(&self, [wide, narrow]: [u32; 2]) -> bool {
         let normals = [wide, narrow].map(|plane| self.planes.normals[plane as usize]);
         let turn = normals[1] - normals[0];

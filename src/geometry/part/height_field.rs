@@ -4,11 +4,11 @@ use nalgebra::Vector2;
 
 use crate::geometry::space::{Extents, ViewPoint};
 
-/// Surface whose normal is further than this from the laser's axis, rad, is treated as a wall. The limit for marking is
-/// lower (60° by default); the fit uses the surface between the two limits as a border.
+/// Surface whose normal differs from the laser's axis by more than this, rad, is treated as a wall. The limit
+/// for marking is lower (60° by default); the fit uses the surface between the two limits as a border.
 pub const STEEPEST_SURFACE: f64 = 75.0 * std::f64::consts::PI / 180.0;
 
-/// The number of no face: it is not known on which one a node is, or there is none.
+/// The number that stands for no face: the face of a node is not known, or there is none.
 pub(crate) const NO_FACE: u32 = u32::MAX;
 
 /// What the laser meets at a grid node.
@@ -184,8 +184,8 @@ impl HeightField {
         self.grid.position(column, row)
     }
 
-    /// For each node of the smooth surface whether it is within so many steps of a wall along rows and columns; none if there are no
-    /// walls.
+    /// For each node of the smooth surface, whether it is within `reach` steps of a wall along rows and
+    /// columns; empty if there are no walls.
     pub(crate) fn near_walls(&self, reach: usize) -> Vec<bool> {
         let is_wall = |node: &Node| matches!(node, Node::Wall(_));
         let mut near: Vec<bool> = self.nodes.iter().map(is_wall).collect();
@@ -196,7 +196,8 @@ impl HeightField {
         near
     }
 
-    /// For each node of the smooth surface whether another face of it is within so many steps along rows and columns.
+    /// For each node of the smooth surface, whether it is within `reach` steps of another face along rows and
+    /// columns.
     pub(crate) fn near_other_faces(&self, reach: usize) -> Vec<bool> {
         let mut near = vec![false; self.nodes.len()];
         if self.faces.is_empty() {

@@ -1,27 +1,29 @@
-//! Small holes of a mesh, where triangles are missing, bridged as the surface round them leads.
+//! Bridges small holes of a mesh, where triangles are missing, as the surface round them leads.
 //!
-//! A hole that was designed goes down into the part, and its walls continue the mesh; where triangles are missing the mesh
-//! just ends, at a closed loop of sides that no second triangle has.
+//! A designed hole goes down into the part, and its walls continue the mesh. Where triangles are missing, the
+//! mesh ends at a closed loop of sides that belong to one triangle only.
 
 use nalgebra::{Point3, Vector3};
 
 use super::adjacency::{NONE, sliver_side, weld};
 use super::mesh::TriMesh;
 
-/// Without a setting a hole of at most so many sides is bridged: one or two triangles are missing.
+/// Without a setting, a hole is bridged if it has at most this many sides: one or two triangles are missing.
+/// [`NARROW`] and [`LIKE_ITS_SURROUNDINGS`] must hold, too.
 const FEW: usize = 4;
-/// And at most so wide, mm: more than a triangle with sides of 1 mm.
+/// Without a setting, a hole is bridged if it is at most this wide, mm: more than a triangle with sides of 1
+/// mm.
 const NARROW: f64 = 2.0;
-/// And where the triangles round it are at most so many times as long as its sides: a square cut out of a large sheet was
-/// meant.
+/// Without a setting, a hole is bridged if the triangles round it are at most this many times as long as its
+/// sides. A square that is cut out of a large sheet is intended.
 const LIKE_ITS_SURROUNDINGS: f64 = 2.5;
-/// Holes of more sides stay open: where so much is missing nothing leads across.
+/// Holes with more sides remain open: too much is missing to continue the surface.
 const MOST_SIDES: usize = 64;
-/// More holes than this are a mesh of loose triangles.
+/// A mesh with more holes consists of loose triangles.
 const MOST_HOLES: usize = 10_000;
-/// Without a setting, more holes than this are all left open.
+/// Without a setting, all holes remain open if there are more than this.
 const MANY: usize = 3;
-/// A bridge meets the triangles beside it at no larger angle than that of this cosine (75°).
+/// The cosine of the angle at which a bridge meets the triangles beside it is at least this (75°).
 const LEADS: f64 = 0.26;
 
 /// A hole that was bridged.
@@ -35,10 +37,11 @@ pub struct Bridge {
     pub sides: usize,
 }
 
-/// The mesh with its small holes bridged by triangles, and what was bridged, the widest first.
+/// The mesh with its small holes bridged by triangles, and a list of the bridges, the widest first.
 ///
-/// With a `widest` hole given, mm, all holes up to it are bridged; 0 bridges none. Without, holes of one or two missing
-/// triangles that are up to 2 mm wide, unless there are more than three of them. The triangles of the mesh must run alike.
+/// With a `widest` hole given, mm, all holes up to it are bridged; 0 bridges none. Without it, holes of one
+/// or two missing triangles that are up to 2 mm wide are bridged, unless there are more than three of them.
+/// All triangles of the mesh must run the same way round.
 pub fn bridged(mesh: TriMesh, widest: Option<f64>) -> (TriMesh, Vec<Bridge>) {
     if widest.is_some_and(|widest| !(widest > 0.0)) {
         return (mesh, Vec::new());

@@ -10,7 +10,8 @@ use crate::geometry::space::{View, ViewPoint};
 
 /// Distances from the border are known up to this many steps of the grid.
 const REACH: f64 = 8.0;
-/// A face this far below the surface that the laser sees is hidden by it, mm. Chords of curved faces are nearer.
+/// A face is hidden if it is at least this far below the surface that the laser sees, mm. Chords of curved
+/// faces are nearer.
 const HIDDEN: f64 = 0.3;
 
 /// Where ink may be: the distance of every node of a grid over the view from the border of the region.

@@ -121,7 +121,8 @@ impl TriMesh {
         Self { meaning: Meaning::Shading, ..self }
     }
 
-    /// The same mesh, with its normals marked as those of the exact faces of the part: where they differ, there is an edge.
+    /// The same mesh, with its normals marked as normals of the exact faces of the part: where they differ,
+    /// there is an edge.
     pub fn with_exact_normals(self) -> Self {
         Self { meaning: Meaning::ExactSurface, ..self }
     }
@@ -143,8 +144,9 @@ impl TriMesh {
         self.meaning == Meaning::Shading
     }
 
-    /// The same mesh, some of whose facets may be those of a round face although their normals are flat: for each triangle the
-    /// angle by which its facet turns to the next ones, rad; 0 where nothing is in doubt.
+    /// The same mesh, with some facets that may belong to a round face although their normals are flat. For
+    /// each triangle: the angle by which its facet turns to the next ones, rad; 0 if the triangle is
+    /// certainly flat.
     pub fn with_open_turns(self, open_turns: Vec<f32>) -> Self {
         Self { open_turns, ..self }
     }

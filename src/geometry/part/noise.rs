@@ -1,9 +1,10 @@
 //! How much the vertices of a mesh scatter about the surface that they sample.
 //!
-//! Round a vertex a smooth surface is nearly a quadric. What the vertices leave of the quadric that fits them best is noise
-//! where neighbours leave it independently of one another (Moran, Notes on continuous stochastic phenomena, Biometrika 37,
-//! 1950), where it is everywhere alike, and where it is more than the bend between neighbours explains. Edges, engravings
-//! and waves leave something in some places, and neighbours leave alike there; tessellations leave hardly anything.
+//! Round a vertex, a smooth surface is nearly a quadric. The distances of the vertices from the quadric that
+//! fits them best are noise on three conditions: the distances of neighbours are independent (Moran, Notes on
+//! continuous stochastic phenomena, Biometrika 37, 1950); they are similar everywhere; and they are larger
+//! than the bend between neighbours explains. Edges, engravings and waves cause distances in some places,
+//! where neighbours are alike. Tessellations cause hardly any.
 
 use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
@@ -11,36 +12,39 @@ use super::adjacency::{NONE, Neighbours};
 use super::mesh::TriMesh;
 use super::rounding;
 
-/// Vertices looked at, at most; those of larger meshes are sampled evenly.
+/// At most this many vertices are looked at; those of larger meshes are sampled evenly.
 const SAMPLE: usize = 800;
-/// Rings of neighbours that a quadric is fitted to.
+/// A quadric is fitted to this many rings of neighbours.
 const RINGS: usize = 3;
-/// Vertices of one neighbourhood at most.
+/// One neighbourhood has at most this many vertices.
 const MOST_AROUND: usize = 72;
-/// And at least: the quadric has six unknowns.
+/// One neighbourhood has at least this many vertices: the quadric has six unknowns.
 const LEAST_AROUND: usize = 16;
-/// Fewest neighbourhoods that tell anything.
+/// Noise shows only in at least this many neighbourhoods.
 const LEAST_PATCHES: usize = 150;
-/// Share of the neighbourhoods that must be smooth enough to tell something.
+/// At least this share of the neighbourhoods must be smooth enough to show noise.
 const USABLE: f64 = 0.5;
-/// A neighbourhood rises by less than this share of its radius above its tangent plane; else an edge runs through it.
+/// A neighbourhood rises above its tangent plane by less than this share of its radius; otherwise an edge
+/// runs through it.
 const FLAT: f64 = 0.5;
-/// Correlations of independent neighbours: the fit itself makes that of noise -0.14, and reducing the triangles of a noisy mesh, which
-/// keeps the vertices that stick out, down to -0.25; in waves that the vertices hardly resolve neighbours are opposite.
+/// The lowest and the highest correlation of independent neighbours. The fit itself makes that of noise
+/// -0.14. If the triangles of a noisy mesh are reduced, the vertices that stick out remain, and the
+/// correlation is down to -0.25. In waves that the vertices hardly resolve, neighbours are opposite.
 const INDEPENDENT: [f64; 2] = [-0.26, -0.03];
 /// The median of deviations is 0.67 of their root mean square in a normal distribution, 0.87 in an even one; where some
 /// vertices are pressed in, as by an engraving, the others deviate less.
 const NORMAL: [f64; 2] = [0.64, 0.84];
-/// Of noise the upper quartile of all neighbourhoods is below so many times the lower one.
+/// With noise, the upper quartile of all neighbourhoods is less than this many times the lower quartile.
 const ALIKE: f64 = 1.7;
-/// Noise is more than so many times the height of an arc between neighbours: by less the vertices of remeshed parts leave the
-/// surface that was remeshed.
+/// Noise is more than this many times the height of an arc between neighbours. The vertices of remeshed parts
+/// leave the original surface by less.
 const BEYOND_SAG: f64 = 1.25;
-/// Scatter below this share of the distance between vertices leaves normals as they are.
+/// Scatter below this share of the distance between vertices does not change normals.
 const MISLEADS: f64 = 0.003;
-/// Beyond this share of that distance the facets are meant to be seen.
+/// If the scatter is above this share of the distance between vertices, the facets are intended to be
+/// visible.
 const MOST: f64 = 0.5;
-/// Scatter below this, mm, is the rounding of a file's numbers.
+/// Scatter below this, mm, is caused by the rounding of a file's numbers.
 const LEAST: f64 = 0.0015;
 
 /// Scatter below this many steps of the file's numbers is their rounding: its standard deviation is 0.29 steps along an axis
@@ -72,7 +76,7 @@ struct Patch {
     middle: f64,
 }
 
-/// The noise of a mesh, where it can be told from its shape; `None` for other meshes.
+/// The noise of a mesh, if the shape of the mesh shows it; `None` for other meshes.
 ///
 /// Vertices that the mesh repeats, as at the borders of CAD faces, are not neighbours.
 pub fn of(mesh: &TriMesh) -> Option<Noise> {
@@ -99,7 +103,8 @@ pub fn of(mesh: &TriMesh) -> Option<Noise> {
     is_noise.then_some(Noise { deviation, spacing, misleads })
 }
 
-/// What is shown round some vertices, spread evenly, where no edge runs through; and round how many it was looked for.
+/// The noise round some vertices, spread evenly, where no edge runs through; and the number of vertices that
+/// were tried.
 fn patches(mesh: &TriMesh) -> (Vec<Patch>, usize) {
     let stride = mesh.triangles().len().div_ceil(SAMPLE).max(1);
     let mut seeds: Vec<u32> = mesh.triangles().iter().step_by(stride).map(|corners| corners[0]).collect();
@@ -186,7 +191,7 @@ impl Nearby {
         self.found.drain(..).for_each(|vertex| self.places[vertex as usize] = NONE);
     }
 
-    /// What the found vertices show; nothing where they are too few, or rise too steeply to be one smooth side.
+    /// What the found vertices show; nothing if they are too few, or rise too steeply to be one smooth side.
     fn patch(&self, positions: &[Point3<f64>], around: &Neighbours) -> Option<Patch> {
         let count = self.found.len();
         if count < LEAST_AROUND {

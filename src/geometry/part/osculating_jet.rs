@@ -6,9 +6,12 @@ use nalgebra::{Matrix2x3, Point3, SMatrix, SVector, Vector3};
 use super::adjacency::Neighbours;
 use super::shape_fit::cross_directions;
 
-/// Coefficients of a cubic without its constant: two slopes, three second and four third derivatives.
+/// Number of coefficients of a cubic without its constant: two slopes, three second and four third
+/// derivatives.
 const COEFFICIENTS: usize = 9;
+/// Index of the first third derivative among the coefficients.
 const FIRST_OF_THIRD: usize = 5;
+/// Number of third derivatives.
 const THIRDS: usize = COEFFICIENTS - FIRST_OF_THIRD;
 
 /// Where the sides at a vertex deviate from the surface by less than this, mm, the vertex keeps its normal: the first
@@ -18,23 +21,28 @@ pub(super) const NEGLIGIBLE_RISE: f64 = 1e-3;
 /// Maximum number of neighbours used for one vertex.
 const MAX_NEIGHBOURS: usize = 64;
 
-/// Prior standard deviations, with the radius of curvature as the unit of length: the slope error of the first
-/// estimate, divided by the distance of the nearest vertex; second derivatives; third derivatives times that
-/// distance; the height that a cubic leaves at a vertex, divided by the fourth power of the vertex's distance and
-/// times the square of the nearest distance. [`FLOOR`] is added to that height.
+/// Prior standard deviation of the slope error of the first estimate, divided by the distance of the nearest
+/// vertex. For all prior deviations, the radius of curvature is the unit of length.
 const SLOPE: f64 = 0.5;
+/// Prior standard deviation of second derivatives, in the unit of [`SLOPE`].
 const SECOND: f64 = 4.0;
+/// Prior standard deviation of third derivatives times the distance of the nearest vertex, in the unit of
+/// [`SLOPE`].
 const THIRD: f64 = 0.6;
+/// Prior standard deviation of the height that a cubic leaves at a vertex, divided by the fourth power of the
+/// vertex's distance and times the square of the nearest distance, in the unit of [`SLOPE`].
 const FOURTH: f64 = 0.01;
+/// Added to the height that a cubic leaves at a vertex ([`FOURTH`]), in the unit of [`SLOPE`].
 const FLOOR: f64 = 1e-6;
 
-/// Rounding turns the normals of neighbours against each other by at most so many times its standard deviation, over the distance of
-/// the nearest vertex, rad.
+/// Rounding turns the normals of neighbours against each other by at most this many times its standard
+/// deviation divided by the distance of the nearest vertex, rad.
 const BY_CHANCE: f64 = 3.0;
 
-/// A third derivative that the vertices hardly show is taken to be as large as usual with this weight.
+/// A third derivative that the vertices hardly show is assumed to be as large as usual, with this weight.
 const UNSEEN: f64 = 0.03;
-/// Noise looks like third derivatives; they are taken to be at most so many times as large as usual.
+/// Third derivatives are assumed to be at most this many times as large as usual, because noise looks like
+/// third derivatives.
 const WIDEST: f64 = 2.0;
 
 /// A normal that is estimated.
@@ -46,21 +54,21 @@ pub(super) struct EstimatedNormal {
     pub(super) deviation: f64,
 }
 
-/// A better normal at a vertex; `normals` are the first estimates, unit vectors, and `rounding` is the standard deviation of the
-/// positions, mm. A cubic over the estimated tangent
-/// plane is fitted to the vertices round it and round its neighbours, and its normal is taken (Cazals & Pouget,
-/// Estimating differential quantities using polynomial fitting of osculating jets, Computer Aided Geometric Design
+/// A better normal at a vertex; `normals` are the first estimates, unit vectors, and `rounding` is the
+/// standard deviation of the positions, mm. A cubic over the estimated tangent plane is fitted to the
+/// vertices round it and round its neighbours, and its normal is taken (Cazals & Pouget, Estimating
+/// differential quantities using polynomial fitting of osculating jets, Computer Aided Geometric Design
 /// 22(2), 2005).
 ///
-/// Each vertex is weighted by the height that a cubic is expected to leave at its distance. The priors keep derivatives
-/// within the order of the radius of curvature, so the few, far vertices of long strips hardly change the estimate.
-/// Second derivatives are taken along chords instead of their projections, which makes spheres exact. A vertex without
-/// neighbours, or on a flat region, keeps its estimate.
+/// Each vertex is weighted by the height that a cubic is expected to leave at its distance. The priors keep
+/// derivatives within the order of the radius of curvature, so the few, far vertices of long strips hardly
+/// change the estimate. Second derivatives are taken along chords instead of their projections, which makes
+/// spheres exact. A vertex without neighbours, or on a flat region, keeps its estimate.
 ///
-/// The deviation is what coefficients within their priors, and fourth derivatives, change the slope by: little where the
-/// vertices show them, or surround the vertex evenly, much at a border. The priors are as wide as the third derivatives that
-/// are found; on a sphere there are none (the evidence of MacKay, Bayesian interpolation, Neural Computation 4(3), 1992, for
-/// one width, in one step).
+/// The deviation is the change of the slope by coefficients within their priors, and by fourth derivatives.
+/// It is small if the vertices show these, or surround the vertex evenly, and large at a border. The priors
+/// are as wide as the third derivatives that are found; on a sphere there are none (the evidence of MacKay,
+/// Bayesian interpolation, Neural Computation 4(3), 1992, for one width, in one step).
 #[multiversion(targets("x86_64+avx2"))]
 pub(super) fn refined_normal(
     positions: &[Point3<f64>],

@@ -1,5 +1,6 @@
-//! The polygons that the triangles of a mesh were cut from. Modelling programs keep polygons with four corners and more, which need
-//! not be plane, and shade them with one normal: that of the polygon's area vector (M. E. Newell), not those of its triangles.
+//! The polygons that the triangles of a mesh were cut from. Modelling programs keep polygons with four
+//! corners and more. These need not be plane. The programs shade them with one normal, that of the polygon's
+//! area vector (M. E. Newell), and not with the normals of the triangles.
 
 use nalgebra::{Point3, Vector3};
 
@@ -8,9 +9,9 @@ use super::adjacency::{NONE, opposite_sides, weld};
 /// The normals of a polygon are one that is written several times, to three decimals or more.
 pub(super) const ROUNDED: f64 = 2e-3;
 
-/// Adds to the triangles that are shaded flat, one flag for each, those of polygons that are not plane: without inner corners, and
-/// with one normal at all corners, that of the polygon's area vector, whichever way round it runs. `normals` returns those at the
-/// corners of a triangle, of length 1.
+/// Marks further triangles as shaded flat, one flag for each: those of polygons that are not plane. Such a
+/// polygon has no inner corners, and one normal at all corners, that of its area vector, whichever way round
+/// it runs. `normals` returns the normals at the corners of a triangle, of length 1.
 pub fn add_bent(
     is_flat: &mut [bool],
     positions: &[Point3<f64>],
@@ -66,9 +67,9 @@ pub(super) struct Outline {
     pub(super) angle: f64,
 }
 
-/// For each triangle, the other half of the quadrangle that it may have been cut from; [`NONE`] if there is none. Programs write the
-/// halves of a quadrangle one after the other. `places` are those of the triangles' corners.
-/// `can_be` tells whether a triangle and the next one can be such halves.
+/// For each triangle, the other half of the quadrangle that it may have been cut from; [`NONE`] if there is
+/// none. Programs write the halves of a quadrangle one after the other. `places` are the places of the
+/// triangles' corners. `can_be` returns whether a triangle and the next one can be such halves.
 pub(super) fn halves(places: &[[u32; 3]], can_be: impl Fn([usize; 2]) -> bool) -> Vec<u32> {
     let mut halves = vec![NONE; places.len()];
     for first in 1..places.len() {

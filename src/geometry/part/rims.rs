@@ -4,10 +4,12 @@ use nalgebra::Point3;
 
 use super::height_field::{HeightField, Node};
 
+/// Marks a missing node.
 const NONE: u32 = u32::MAX;
 /// Steps towards the middle of the two neighbours, and back: this smooths the steps of the grid without shrinking the ring
 /// (G. Taubin, Curve and surface smoothing without shrinkage, ICCV 1995).
 const STEPS: [f64; 2] = [0.5, -0.526];
+/// A ring is smoothed this many times with [`STEPS`].
 const PASSES: usize = 12;
 
 /// The borders of the smooth surface of a height field: closed rings of points close to it, mm in the view, with the surface

@@ -2,20 +2,22 @@
 
 use nalgebra::Point3;
 
-/// Positions looked at, at most; those of larger meshes are sampled evenly.
+/// At most this many positions are looked at; those of larger meshes are sampled evenly.
 const SAMPLE: usize = 800;
-/// The finest step, as a power of ten. Finer ones show nowhere.
+/// The finest step, as a negative power of ten. Finer steps do not show.
 const FINEST: i32 = 4;
-/// A coordinate is a multiple of a step if it is within this share of the step from one, or …
+/// A coordinate is a multiple of a step if it differs from one by at most this share of the step. If
+/// [`SINGLE`] allows more, that applies.
 const MULTIPLE: f64 = 0.01;
-/// … this share of the largest coordinate: numbers of single precision are off by half of that.
+/// A coordinate is a multiple of a step if it differs from one by at most this share of the largest
+/// coordinate: numbers of single precision are off by half of that.
 const SINGLE: f64 = 1e-7;
 /// Standard deviation of numbers that are rounded to multiples of one.
 const EVEN: f64 = 0.289;
 
-/// The step to which coordinates are rounded, mm: the largest decimal part of a millimetre or an inch that all of them are multiples
-/// of, or, far from the origin, whose multiples numbers of single precision do not tell from others; 0 where there is none above
-/// 0.1 µm.
+/// The step to which coordinates are rounded, mm: the largest decimal part of a millimetre or an inch of
+/// which all coordinates are multiples. Far from the origin, numbers of single precision may not show whether
+/// they are multiples; such a step is accepted. 0 if there is no step above 0.1 µm.
 pub(super) fn step(positions: &[Point3<f64>]) -> f64 {
     let stride = positions.len().div_ceil(SAMPLE).max(1);
     let sample = || positions.iter().step_by(stride);

@@ -24,9 +24,11 @@ const MIN_BULGE: f64 = 0.002;
 /// A normal equals an average when the angle between them is at most this, rad: files round normals to three or four
 /// digits.
 const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
-/// The same where nothing but the rounding of the file may part them. Exact normals of arcs that are not cut evenly differ by more.
+/// The same limit where only the rounding of the file may separate the two. Exact normals of arcs that are
+/// not cut evenly differ by more.
 const WRITTEN: f64 = 0.05 * std::f64::consts::PI / 180.0;
-/// Rounding tilts a facet by at most so many times its standard deviation over the width of the facet, rad.
+/// Rounding tilts a facet by at most this many times its standard deviation divided by the width of the
+/// facet, rad.
 const BY_CHANCE: f64 = 3.0;
 /// Facets at a vertex whose normals differ by at most this, rad, are treated as one plane.
 const COPLANAR: f64 = std::f64::consts::PI / 180.0;
@@ -38,10 +40,13 @@ const SMALL: usize = 6_000;
 const MIN_SHARE_OF_BEND: f64 = 0.2;
 /// The smallest distinguished angle, rad, where the estimate is the normal of one of the facets, as beside a flat side.
 const MIN_ANGLE_TO_FACE: f64 = 0.05 * std::f64::consts::PI / 180.0;
-/// The same share where the estimate stands at right angles to a side, to within this sine, that the file's normal would make
-/// bulge by more than this, mm: such estimates are better.
+/// The same share as [`MIN_SHARE_OF_BEND`] where the estimate is at right angles to a side that the file's
+/// normal would make bulge: such estimates are better. See [`RIGHT_ANGLE`] and [`NOTABLE_BULGE`].
 const MIN_SHARE_BESIDE_SIDE: f64 = 0.005;
+/// An estimate is at right angles to a side if their angle differs from a right angle by less than this, as a
+/// sine.
 const RIGHT_ANGLE: f64 = 1e-3;
+/// The file's normal makes a side bulge notably if it does so by more than this, mm.
 const NOTABLE_BULGE: f64 = 0.02;
 /// A vertex votes for one of two directions when the file's normal is within this share of their angle from it.
 const VOTE_SHARE: f64 = 0.25;
@@ -50,11 +55,13 @@ const LEAN_SHARE: f64 = VOTE_SHARE * std::f64::consts::FRAC_1_SQRT_2;
 /// The share of the normals between bent facets that must be averages before the estimate is computed at all.
 const MIN_SHARE_OF_AVERAGES: f64 = 0.5;
 
-/// CAD programs cut arcs into facets that turn by at most 0.5 rad, and all about as far from the part. Where a normal leans more
-/// than half of that, as a sine, from a side, which would bulge so many times as far as all others there, it only shades.
+/// A normal only shades if it leans from a side by more than this, as a sine, and the side would bulge alone
+/// ([`BULGES_ALONE`]). CAD programs cut arcs into facets that turn by at most 0.5 rad; this is half of that.
 const STEEP_LEAN: f64 = 0.25;
+/// A side bulges alone if it would bulge more than this many times as far as all others at its vertex. CAD
+/// programs cut arcs into facets that are all about as far from the part.
 const BULGES_ALONE: f64 = 3.0;
-/// The share of the normals that are averages where all are, but for a few.
+/// All normals are averages, except for a few, if at least this share of them is.
 const ALL_AVERAGES: f64 = 0.95;
 /// Sides nearer to the direction of a side than this, as a cosine, would bulge as far.
 const ALONGSIDE: f64 = 0.5;
@@ -62,11 +69,11 @@ const ALONGSIDE: f64 = 0.5;
 /// A normal whose angle to its facet has a smaller cosine than this (66°) is unrelated to it. The averages at the corners of a cube
 /// lean by 55°.
 const UNRELATED: f64 = 0.4;
-/// Facets whose angle to the laser has a smaller cosine than this (78°) do not count.
+/// Facets whose angle to the laser has a smaller cosine than this (78°) are skipped.
 const GRAZED: f64 = 0.2;
-/// The share of the visible area with unrelated normals above which none of the normals is trusted.
+/// If more than this share of the visible area has unrelated normals, none of the normals is used.
 pub const WILD: f64 = 0.3;
-/// Fewer triangles are no part.
+/// A mesh with fewer triangles is not a part.
 const LEAST_WILD: usize = 12;
 
 /// The part's normals that are unrelated to its facets.
@@ -141,15 +148,16 @@ pub fn only_shade(mesh: &TriMesh) -> bool {
     judged(mesh, false).only_shades
 }
 
-/// Judges the normals of a file. For a mesh without normals nothing is found.
+/// Judges the normals of a file. In a mesh without normals, nothing is found.
 ///
-/// A vertex votes where two directions differ: the average of the facets that share its normal, and the normal that
-/// [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the one that is close to the file's normal. On an
-/// arc that is cut evenly, averages are the normals of the surface, so near the end of an arc the estimate may be the wrong
-/// one: the vertex then votes for a surface. A vertex at the border of a curved face whose normal leaves the facets there votes for
-/// a surface, too. Where nearly all normals are averages to the last digit and none contradicts them, nobody votes, as they tell
-/// nothing that the facets do not: the averages round a flat top with a bevel are the normals of a sphere. A program that `knows_faces` writes no averages; its
-/// arcs are cut evenly where its normals are the same.
+/// A vertex votes where two directions differ: the average of the facets that share its normal, and the
+/// normal that [`SmoothMesh`] estimates for a smooth surface with edges. It votes for the direction that is
+/// close to the file's normal. On an arc that is cut evenly, averages are the normals of the surface. Near
+/// the end of an arc, the estimate may therefore be wrong, and the vertex votes for a surface. A vertex at
+/// the border of a curved face whose normal leaves the facets there votes for a surface, too. If nearly all
+/// normals are averages to the last digit and none contradicts them, no vertex votes, because such normals
+/// show only what the facets show: the averages round a flat top with a bevel are the normals of a sphere. A
+/// program that `knows_faces` writes no averages; its arcs are cut evenly where its normals are the same.
 pub fn judged(mesh: &TriMesh, knows_faces: bool) -> Judgement {
     if mesh.normals().is_empty() {
         return Judgement::default();
@@ -267,7 +275,7 @@ impl Estimate {
     }
 }
 
-/// Whether normals lean from chords as those of a smooth surface do.
+/// Whether normals lean from chords as on a smooth surface.
 fn are_of_smooth_curves(chords: &[Chord]) -> bool {
     chord_normals::are_of_smooth_curves(chords.iter().map(|chord| (*chord, 1.0)))
 }
@@ -458,7 +466,7 @@ impl Averages {
     }
 }
 
-/// Facets at a vertex that lie in one plane: a face of the model that was divided into triangles on export.
+/// Facets at a vertex that are in one plane: a face of the model that was divided into triangles on export.
 struct Polygon {
     normal: Vector3<f64>,
     /// Of the whole face, mm², if that is known.

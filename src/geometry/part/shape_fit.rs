@@ -7,7 +7,8 @@ const CONVERGED: f64 = 1e-10;
 /// Maximum number of steps.
 pub(crate) const MAX_STEPS: usize = 30;
 
-/// Minimises the sum of the squared distances of the points from a shape with the Gauss–Newton method, in at most so many steps.
+/// Minimises the sum of the squared distances of the points from a shape with the Gauss–Newton method, in at
+/// most `steps` steps.
 /// `distances_from` returns what returns the signed distance of a point from a shape and its derivatives by the shape's parameters,
 /// `moved` the shape after a step of the parameters.
 pub(crate) fn fitted<Shape: Copy, Distances, const PARAMETERS: usize>(
@@ -47,9 +48,10 @@ where
     shape
 }
 
-/// What is left of movements of points along the normals of a shape, mm, where the shape is fitted to them again: the mean products of
-/// what no small change of its parameters does. 0 if the points do not define the shape. `derivatives_at` returns the derivatives of
-/// a point's distance from the shape by its parameters.
+/// The rest of movements of points along the normals of a shape, mm, after the shape is fitted to the points
+/// again: the mean products of movements that no small change of its parameters causes. 0 if the points do
+/// not define the shape. `derivatives_at` returns the derivatives of a point's distance from the shape by its
+/// parameters.
 pub(crate) fn left_after_fit<const PARAMETERS: usize, const MOVEMENTS: usize>(
     points: &[Point3<f64>],
     derivatives_at: impl Fn(&Point3<f64>) -> [f64; PARAMETERS],

@@ -19,15 +19,18 @@ pub const SIDES: [(&str, Vector3<f64>); 6] = [
     ("-y", Vector3::new(0.0, -1.0, 0.0)),
 ];
 
-/// Cells along the longer side of the view, at least.
+/// The longer side of the view has at least this many cells.
 const CELLS: f64 = 160.0;
-/// Cells along the shorter side of the view, at least, unless there would be more than [`MAX_CELLS`] along the longer one.
+/// The shorter side of the view has at least this many cells, unless the longer side would have more than
+/// [`MAX_CELLS`].
 const CELLS_ACROSS: f64 = 40.0;
+/// The longer side of the view has at most this many cells.
 const MAX_CELLS: f64 = 1600.0;
 /// Neighbouring cells whose normals differ by more than this are at an edge of the part, rad. On a round bar with
 /// [`CELLS_ACROSS`], they differ by less than a quarter of this.
 const EDGE: f64 = 25.0 * std::f64::consts::PI / 180.0;
-/// Cells between what fits and the end of what can be marked: a fitted surface is not kept up to the last edge of the part.
+/// Number of cells between the fitted surface and the end of what can be marked: a fitted surface is not kept
+/// up to the last edge of the part.
 const MARGIN: f64 = 2.0;
 /// A side is flat if this share of what can be marked has one direction, to within [`ONE_DIRECTION`].
 const FLAT: f64 = 0.5;
@@ -40,14 +43,15 @@ const EQUAL: f64 = 0.9;
 /// A curved side is meant if it has at least this share of the largest area.
 const WORTH: f64 = 0.5;
 
-/// A marking frame this near to the surface is on it, mm.
+/// A marking frame is on the surface if it is at most this far from it, mm.
 pub const ON_SURFACE: f64 = 0.5;
 
-/// How thick the part is behind the origin of a frame on its surface whose z axis points into it, mm; `None` for a frame that
-/// points out of the part, or whose origin is not on the surface.
+/// How thick the part is behind the origin of a frame on its surface whose z axis points into it, mm. `None`
+/// for a frame that points out of the part, or whose origin is not on the surface.
 ///
-/// A line from inside a closed surface crosses it an odd number of times, whichever way its triangles run. The line along
-/// z may meet an edge between triangles, which would be two crossings or none: the median of three lines decides.
+/// A line from inside a closed surface crosses it an odd number of times, whichever way its triangles run.
+/// The line along z may meet an edge between triangles, which would be two crossings or none. So the median
+/// of three lines decides.
 pub fn thickness_behind(frame: &MarkingFrame, mesh: &TriMesh) -> Option<f64> {
     let view = View::new(frame.facing(), frame.roll());
     let origin = view.point(frame.origin());

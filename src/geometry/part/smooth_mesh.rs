@@ -53,11 +53,12 @@ use super::curved_triangle::CurvedTriangle;
 /// the angle between two facets of one face is up to 28.6° (0.5 rad); at chamfers it is 45°.
 pub const CREASE_ANGLE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
-/// Wide and narrow facets that take turns and turn by more than this, rad, as those of a cylinder with fewer than 24 sides do, are the
-/// sides and the chamfered edges of a prism, although their vertices are on a cylinder.
+/// Wide and narrow facets that take turns are the sides and the chamfered edges of a prism if they turn by
+/// more than this, rad, although their vertices are on a cylinder. The facets of a cylinder with fewer than
+/// 24 sides turn by more.
 pub(super) const TURN_OF_PRISM: f64 = 15.0 * std::f64::consts::PI / 180.0 * (1.0 + 1e-3);
 
-/// The same where the file shades them as if they were round.
+/// The same limit as for [`TURN_OF_PRISM`], rad, where the file shades the facets as if they were round.
 const TURN_OF_SHADED_PRISM: f64 = 0.5;
 
 /// Normals of the file at one place that differ by more than this, rad, belong to two sides of an edge of the part.
@@ -77,7 +78,7 @@ pub(super) const MOST_BEND: f64 = 0.75;
 /// A facet turns notably along a direction if it turns by at least this share of its largest turn.
 const NOTABLE_TURN: f64 = 0.3;
 
-/// Triangles of a flat side among which one is looked for beside which the part turns.
+/// At most this many triangles of a flat side are searched for one beside which the part turns.
 const MOST_OF_FLAT: usize = 16;
 
 /// Normals that turn by less than this, rad, are those of a flat triangle.
@@ -209,9 +210,9 @@ impl SmoothMesh {
         turning.map(|(reach, _)| *reach).fold(0.0, f64::max)
     }
 
-    /// How far a flat triangle reaches along the direction in which the part may turn beside the flat side that it belongs to, mm: across
-    /// the edge of a hidden arc, or along the turn to the neighbours of the nearest triangle of that side which has any; `None` if there are
-    /// none.
+    /// How far a flat triangle reaches, mm, along the direction in which the part may turn beside its flat
+    /// side. This is the direction across the edge of a hidden arc, or along the turn to the neighbours of
+    /// the nearest triangle of the flat side that has any. `None` if there are none.
     fn reach_between(&self, triangle: usize) -> Option<f64> {
         let corners = self.corners(triangle).0;
         let normal = facet_normal(corners);
@@ -253,7 +254,7 @@ impl SmoothMesh {
         [side % 3, (side % 3 + 1) % 3].map(|corner| self.positions[corners[corner] as usize])
     }
 
-    /// The longest side of a triangle, mm, if it is so many times as long as another.
+    /// The longest side of a triangle, mm, if it is more than `times` times as long as another side.
     fn long_side(&self, triangle: usize, times: f64) -> Option<Vector3<f64>> {
         let sides = [0, 1, 2].map(|side| {
             let [from, to] = self.ends(3 * triangle + side);

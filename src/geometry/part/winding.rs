@@ -8,13 +8,16 @@ use nalgebra::{Point3, Vector3};
 use super::adjacency::{NONE, numbered, opposite_sides, sliver_side, weld};
 use super::mesh::TriMesh;
 
-/// Directions are told apart if they differ by more than this, rad: files round normals to three or four digits.
+/// Directions are different if they differ by more than this, rad: files round normals to three or four
+/// digits.
 const SAME: f64 = 0.25 * std::f64::consts::PI / 180.0;
-/// Where more than this share of the vertices meets triangles that run in opposite ways, the other normals tell nothing more.
+/// If more than this share of the vertices meets triangles that run in opposite ways, the other normals show
+/// nothing more.
 const FEW: f64 = 0.25;
-/// Normals were computed from the triangles as they run where so many times as many say so as the contrary.
+/// Normals were computed from the triangles as they run if more than this many times as many normals show
+/// this as the opposite.
 const MANY_TIMES: usize = 3;
-/// Normals are one if their parts are the same when multiplied by this and rounded.
+/// Normals are equal if their components, multiplied by this and rounded, are equal.
 const ONE: f64 = 1e4;
 /// Normals of triangles that meet and run in opposite ways are opposite below this, as a cosine.
 const OPPOSITE: f64 = -0.8;
@@ -30,12 +33,14 @@ pub struct Winding {
     pub spoilt_normals: usize,
 }
 
-/// The mesh with triangles that all run alike: neighbours run along their common side in opposite directions. A closed body
-/// whose triangles disagree gets its outside outside; of an open one the smaller area is reversed.
+/// The mesh with triangles that all run alike: neighbours run along their common side in opposite directions.
+/// A closed body whose triangles disagree is oriented so that its outside is outside. Of an open body, the
+/// smaller area is reversed.
 ///
-/// Where triangles have normals, each runs as its own normals ask for, and nothing is counted, unless the normals were computed from
-/// triangles that ran in opposite ways. A one-sided mesh keeps a seam across which its triangles disagree. A triangle that is in the
-/// mesh once more is no neighbour of its copy: both are reversed, or none.
+/// Where triangles have normals, each runs as its own normals require, and none is reported as reversed,
+/// unless the normals were computed from triangles that ran in opposite ways. A one-sided mesh keeps a seam
+/// across which its triangles disagree. A triangle that is in the mesh twice is not a neighbour of its copy:
+/// both are reversed, or none.
 pub fn made_alike(mesh: TriMesh) -> (TriMesh, Winding) {
     let welded = weld(mesh.positions());
     let places: Vec<[u32; 3]> =
@@ -147,9 +152,9 @@ impl<'a> Mixed<'a> {
         &self.around[self.numbers[vertex] as usize]
     }
 
-    /// Whether the file's normals follow the triangles as they run in the file, and not as they should run: then they were computed from
-    /// the triangles. Only normals where both kinds of triangles meet tell that: those of the modelled surface show its outside for both,
-    /// or its inside.
+    /// Whether the file's normals follow the triangles as they run in the file, and not as they should run.
+    /// Then they were computed from the triangles. Only normals where both kinds of triangles meet show this:
+    /// normals of the modelled surface show its outside for both kinds, or its inside.
     fn explains_normals(&self, mesh: &TriMesh) -> bool {
         let off =
             |normal: &Vector3<f64>, sum: Vector3<f64>| normal.cross(&sum).norm().atan2(normal.dot(&sum));

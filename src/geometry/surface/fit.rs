@@ -29,41 +29,44 @@ const NODES_PER_SPAN: usize = 2;
 /// no nodes.
 const SMOOTHNESS: f64 = 1e-6;
 
-/// Nodes within this many steps of those at an edge of the part are excluded from the fit: the spline needs one span to
-/// bend there.
+/// Nodes within this many steps of those at an edge of the part are excluded from the fit: the spline needs
+/// one span to bend there.
 const EDGE_REACH: usize = 1;
 
-/// The same at the cliffs of measured height fields, where nodes next to a cliff mix heights from both sides.
+/// The same number of steps at the cliffs of measured height fields, where nodes next to a cliff mix heights
+/// from both sides.
 const CLIFF_REACH: usize = 2;
 
-/// Within so many steps of a wall the spline may swing all the same.
+/// The spline may swing within this many steps of a wall, although nodes at edges are excluded.
 const SWING_REACH: usize = 8;
 
 /// Finer detail than the samples show is possible where the vertices are at most this many steps of the samples apart.
 const RESOLVED: f64 = 1.0;
 
-/// Within so many steps of an edge between two faces the spline may swing.
+/// The spline may swing within this many steps of an edge between two faces.
 const FACE_REACH: usize = 4;
 
-/// Two skins on at least this share of the part are refused: nobody can tell which one is meant. On a smaller share they are
-/// labels, inlays or overlapping facets.
+/// Two skins on at least this share of the part are refused, because nothing shows which one is meant. On a
+/// smaller share they are labels, inlays or overlapping facets.
 const SKINS: f64 = 0.5;
 
-/// The slope between samples is known where it differs by less than this from that of the part, rad, on a side that is level. On
-/// steep sides the heights bend more from sample to sample.
+/// On a level side, the slope between samples is known if it differs from that of the part by less than this,
+/// rad. On steep sides, the heights bend more from sample to sample.
 const NEGLIGIBLE_SLOPE: f64 = 1.5e-4;
 
-/// How many times the difference at a node the one beside it is: the jump may be anywhere between two nodes.
+/// The difference beside a node is at most this many times that at the node, because the jump may be anywhere
+/// between two nodes.
 const BETWEEN_NODES: f64 = 1.5;
 
-/// Nodes on either side of one among which the slope differs at fewer than half at a lone jump, and at most of them on detail that
-/// the samples do not show.
+/// This many nodes on either side of a node are compared with it. At a lone jump, the slope differs at fewer
+/// than half of them. On detail that the samples do not show, it differs at most of them.
 const ROUND: usize = 8;
 
-/// Spans across a thin part, at least: fewer show little of how it is curved.
+/// A thin part has at least this many spans across it: fewer show little of its curvature.
 const LEAST_ACROSS: f64 = 12.0;
 
-/// The spans along a thin part are at most this many times as many as along others; it limits time and memory.
+/// A thin part has at most this many times as many spans along it as others have; this limits time and
+/// memory.
 const MOST_TIMES_ALONG: f64 = 64.0;
 
 /// Minimum number of nodes.
@@ -117,8 +120,8 @@ pub struct FittedSurface {
     swings: Vec<(usize, Uncertainty)>,
     /// What is not known of the part at nodes near edges, in ascending order, if the surface is without what is beyond the edge.
     alone: Vec<(usize, Uncertainty)>,
-    /// The cylinders and cones of which the part's file states that it has faces, or on which the points of a scan are, in the frame of the
-    /// view.
+    /// The cylinders and cones, in the frame of the view, that are faces of the part according to its file,
+    /// or that the points of a scan are on.
     known: Vec<RoundForm>,
     /// Whether the part is known from points that scatter: then no form is known exactly.
     is_measured: bool,
@@ -134,7 +137,7 @@ pub struct Window {
     pub level: usize,
     /// The span of this level, counted from the lower left of the whole part, with which its knots begin.
     pub first: [usize; 2],
-    /// The spans of this level in which it counts.
+    /// The spans of this level in which the window applies.
     pub core: [Range<usize>; 2],
     /// The surface there, with its samples.
     pub surface: FittedSurface,
@@ -225,16 +228,16 @@ struct Data<'a> {
 }
 
 impl FittedSurface {
-    /// Samples and fits a part. While 95 % of the residuals are not within the tolerance, the spacing is halved and
-    /// the surface is refined where needed. This ends when the maximum number of spans is reached or halving no
-    /// longer helps (facets do not become smoother).
+    /// Samples and fits a part. The spacing is halved and the surface is refined where needed, until 95 % of
+    /// the residuals are within the tolerance. It also ends when the maximum number of spans is reached, or
+    /// when halving no longer helps (facets do not become smoother).
     ///
-    /// Nodes at an edge of the part are excluded, because no smooth surface passes through them; the residual includes
-    /// them. A part that is exactly its flat facets is fitted with all nodes.
+    /// Nodes at an edge of the part are excluded, because no smooth surface passes through them; the residual
+    /// includes them. A part that is exactly its flat facets is fitted with all nodes.
     ///
     /// # Errors
-    /// When too little of the part faces the laser, when its width is less than 1/1000 of its length as the laser
-    /// sees it, or when the equations cannot be solved; see [`FitError`].
+    /// When too little of the part faces the laser, when its width is less than 1/1000 of its length as the
+    /// laser sees it, or when the equations cannot be solved; see [`FitError`].
     pub fn of_part(part: &FacingPart, options: &FitOptions) -> Result<Self, FitError> {
         start(part.fork(), || Self::fitted(part, options))
     }
@@ -315,8 +318,8 @@ impl FittedSurface {
         Self { alone, uncertainties, ..doubted }
     }
 
-    /// By how much the slope of the samples differs from that of the part, at the nodes where both are known; some of them know
-    /// only the heights on one side.
+    /// By how much the slope of the samples differs from that of the part, at the nodes where both are known.
+    /// At some of them, only the heights on one side are known.
     fn turns_between_samples(&self, slopes: &[Slope], is_one_sided: &[bool], fork: &dyn Fork) -> Vec<Turn> {
         let turn = |node: usize| {
             let known = slopes.get(node)?;
@@ -480,7 +483,8 @@ impl FittedSurface {
         Self { known, ..self }
     }
 
-    /// The cylinders and cones of which the part's file states that it has faces, or on which its points are, in the frame of the view.
+    /// The cylinders and cones, in the frame of the view, that are faces of the part according to its file,
+    /// or that its points are on.
     pub fn known(&self) -> &[RoundForm] {
         &self.known
     }
@@ -501,7 +505,7 @@ impl FittedSurface {
         &self.uncertainties
     }
 
-    /// What is not known of the part at a node, with what its surface has beside walls.
+    /// The uncertainty of the part at a node, with that of its surface beside walls.
     pub fn uncertainty_of(&self, node: usize) -> Uncertainty {
         let known = self.uncertainties.get(node).copied().unwrap_or(Uncertainty::NONE);
         match self.swings.binary_search_by_key(&node, |swing| swing.0) {
@@ -510,7 +514,7 @@ impl FittedSurface {
         }
     }
 
-    /// What is not known of the part: the largest values of the nodes round the point; nothing outside the field.
+    /// The uncertainty of the part: the largest values of the nodes round the point; none outside the field.
     pub fn uncertainty(&self, at: ViewPoint) -> Uncertainty {
         if self.uncertainties.is_empty() && self.swings.is_empty() {
             return Uncertainty::NONE;
@@ -589,9 +593,9 @@ impl FittedSurface {
 }
 
 impl PartSamples {
-    /// How far the part may be from what its samples show between them, mm: the distance that 95 % of the nodes stay below at
-    /// which the slope of the part is not that of the heights round them. Detail that is as fine as the samples shows in
-    /// nothing else: heights that are taken once in each rib are even.
+    /// How far the part may be from its samples between them, mm. The value is the distance that 95 % of the
+    /// nodes stay below at which the slope of the part differs from that of the heights round them. Only this
+    /// shows detail that is as fine as the samples: heights that are taken once in each rib are even.
     fn bends_between(&self, fork: &dyn Fork) -> f64 {
         let (step, nodes) = (self.field.step(), self.field.nodes());
         p95(found(fork, nodes.len(), |node| Some(self.slope_off(node)? * step / 4.0)))
@@ -623,8 +627,8 @@ impl PartSamples {
 }
 
 impl<'a> Data<'a> {
-    /// What `solve` finds of the nodes that are not within `reach` steps of the edges of the part, and its residual at them, mm;
-    /// where these do not determine a surface, of all nodes.
+    /// The result of `solve` for the nodes farther than `reach` steps from the edges of the part, and its
+    /// residual at them, mm. If these nodes do not determine a surface, the result for all nodes.
     fn solved(
         part: &'a FacingPart,
         samples: &'a PartSamples,
@@ -733,7 +737,7 @@ impl<'a> Data<'a> {
         self.move_towards(nurbs, |point| is_free[point], 1)
     }
 
-    /// The surface with the free control points moved by least squares, in so many passes.
+    /// The surface with the free control points moved by least squares, in `passes` passes.
     fn move_towards(
         &self,
         nurbs: NurbsSurface,

@@ -5,15 +5,15 @@ use nalgebra::Vector3;
 use crate::geometry::height_field::{HeightField, Node};
 use crate::geometry::space::ViewPoint;
 
-/// Nodes on either side of a place among which a kink is looked for.
+/// A kink is searched for among this many nodes on either side of a place.
 const NEAR: isize = 3;
-/// Nodes on either side that show how the slope changes beside it.
+/// This many nodes on either side of a kink show how the slope changes beside it.
 const BESIDE: isize = 8;
-/// The slope jumps by so many times what it usually changes by.
+/// At a kink, the slope jumps by more than this many times its usual change.
 const STANDS_OUT: f64 = 4.0;
-/// And by this at least, no unit: 1.5°.
+/// At a kink, the slope jumps by more than this, no unit: 1.5°.
 const LEAST: f64 = 0.026;
-/// Fewest changes of the slope beside a kink that tell what is usual.
+/// The usual change is known only if at least this many changes of the slope beside a kink are known.
 const FEWEST: usize = 6;
 
 impl HeightField {
@@ -26,7 +26,7 @@ impl HeightField {
         lines.flatten().reduce(f64::max)
     }
 
-    /// The same along one line of nodes: along x (0) or y (1), so many lines beside the place.
+    /// The kink along one line of nodes: along x (`axis` 0) or y (1), `line` lines beside the place `middle`.
     fn kink_along(&self, middle: [usize; 2], axis: usize, line: isize) -> Option<f64> {
         let height_at = |along: isize, across: isize| {
             let (columns, rows) = self.size();

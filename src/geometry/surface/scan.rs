@@ -40,19 +40,21 @@ const MAX_STEPS: f64 = 512.0;
 /// A node needs points on all sides within this distance, in units of the point spacing, if no
 /// width of gaps is given: gaps are bridged, but rims are not extended.
 const REACH: f64 = 3.5;
-/// The point spacing for this is the usual one, or where points are sparse this share of the local one, if that is larger; up to so
-/// many times the usual one.
+/// Where points are sparse, the point spacing for [`REACH`] is this share of the local spacing, if that is
+/// larger than the usual spacing. [`SPARSEST`] limits it.
 const LOCAL_SPACING: f64 = 0.8;
+/// The point spacing by [`LOCAL_SPACING`] is at most this many times the usual one.
 const SPARSEST: f64 = 2.0;
-/// The same distance is at most this many nodes, which limits the time.
+/// The distance by [`REACH`] is at most this many nodes, which limits the time.
 const MAX_REACH: f64 = 40.0;
 /// A node this close to a point needs no other points, in units of the point spacing.
 const AT_POINT: f64 = 0.5;
 
-/// Noise that is left and bend that smoothing adds, in units of the former.
+/// The noise that is left plus the bend that smoothing adds, in units of the noise that is left.
 const SMOOTHING_AND_NOISE: f64 = 1.5;
 
-/// The scatter of the points explains differences of slopes that are so many times as large as the error of the slope that it leaves.
+/// The scatter of the points explains differences of slopes up to this many times the error of the slope that
+/// it leaves.
 const OF_SCATTER: f64 = 2.0;
 
 /// A smoothed scan.
@@ -72,7 +74,7 @@ pub struct SmoothedScan {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ScanQuality {
-    /// Number of points; those at the place of another do not count.
+    /// Number of points; points at the place of another one are skipped.
     pub points: usize,
     /// Number of points used for a surface.
     pub used: usize,
@@ -240,9 +242,9 @@ impl ScanRegion {
     }
 }
 
-/// The shortest wave, mm, and what a smoothing spline leaves where the points are so many `times` as far apart as usual. With the weight
-/// of its penalty, the wave that it halves grows with the third root of that, and the scatter of the slope as much. It bends the surface
-/// more, too.
+/// The shortest wave, mm, and what a smoothing spline leaves, where the points are `times` times as far apart
+/// as usual. The weight of its penalty makes the wave that it halves grow with the third root of `times`, and
+/// the scatter of the slope grows as much. The spline also bends the surface more.
 fn where_sparse(times: f64, wave: f64, Uncertainty { slope, height }: Uncertainty) -> (f64, Uncertainty) {
     let longer = times.cbrt();
     let left = Uncertainty {
@@ -264,9 +266,10 @@ fn without_copies(mut points: Vec<Point3<f64>>) -> Vec<Point3<f64>> {
     points
 }
 
-/// How far the surface may be from the part between its points: what every other point leaves open is no less than what all leave.
-/// Where the slopes of these surfaces happen to agree their heights differ, and the other way round; the shortest `wave` of both, mm,
-/// relates one to the other. Differences that the scatter of the points explains are not counted again.
+/// How far the surface may be from the part between its points: every other point leaves at least as much
+/// open as all points do. Where the slopes of these surfaces agree by chance, their heights differ, and the
+/// other way round. The shortest `wave` of both, mm, relates one to the other. Differences that the scatter
+/// of the points explains are not added again.
 fn between_points(smoothed: &Smoothed, scatter: Uncertainty, wave: f64, at: ViewPoint) -> Uncertainty {
     let normal = |nurbs: &NurbsSurface| nurbs.gradient(at).fixed_resize::<3, 1>(-1.0);
     let (height, facing) = (smoothed.nurbs.height(at), normal(&smoothed.nurbs));
@@ -343,8 +346,8 @@ fn sampled(
     (field, owners)
 }
 
-/// Covers the gaps of at most `most` nodes along and across, of which a node of the gap is given: by chance, random points leave such
-/// gaps.
+/// Covers a gap of at most `most` nodes along and across; one node of the gap is given. By chance, random
+/// points leave such gaps.
 fn fill_gaps(covered: &mut [bool], columns: usize, most: impl Fn(usize) -> usize) {
     let mut is_seen = covered.to_vec();
     let (mut open, mut gap) = (Vec::new(), Vec::new());

@@ -11,8 +11,8 @@ pub(super) struct SummedArea<T> {
 }
 
 impl<T: Copy + Default + Add<Output = T> + Sub<Output = T>> SummedArea<T> {
-    /// The sums of `values` on so many columns and rows: each with the number of its place, row by row. Places that are not among them
-    /// count as zero.
+    /// The sums of `values` on a grid of `columns` × `rows` places. Each value comes with the number of its
+    /// place, row by row. Places without a value are zero.
     pub(super) fn of([columns, rows]: [usize; 2], values: impl Iterator<Item = (usize, T)>) -> Self {
         let width = columns + 1;
         let mut sums = vec![T::default(); width * (rows + 1)];

@@ -29,7 +29,7 @@ const REPORTS: usize = 20;
 const LARGEST_REASON: u64 = 1 << 20;
 
 impl<C: Corrector> Dispatcher<'_, C> {
-    /// Tells the fleet what the station has, and does what it says.
+    /// Reports the contents of the station to the fleet, and does what the fleet asks for.
     pub(super) fn exchange_jobs(&mut self, ends: bool) {
         let executor = self.executor;
         let Some(fleet) = executor.corrector.fleet().filter(|_| self.mode == Mode::UntilStopped) else {
@@ -219,7 +219,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         }
     }
 
-    /// Why a drop is not processed: the job is somebody else's now.
+    /// Why a drop is not processed: its job was put back into the queue of its line.
     pub(super) fn is_revoked(&self, drop: &DropId) -> Option<Reason> {
         let claim = self.arrivals.revoked.get(drop)?;
         let is_it = self.executor.journal().arrival(drop).is_some_and(|arrival| arrival.claim == *claim);
@@ -231,7 +231,7 @@ impl<C: Corrector> Dispatcher<'_, C> {
         })
     }
 
-    /// Why a job of others waits: somebody may have taken it over while the station was ended or cut off.
+    /// Why a job of others waits: it may have been taken over while the station was ended or cut off.
     pub(super) fn may_be_revoked(&self, drop: &DropId) -> Option<Reason> {
         let fleet = self.executor.corrector.fleet()?;
         let arrival = self.executor.journal().arrival(drop).cloned()?;

@@ -1,4 +1,4 @@
-//! What the running station knows about jobs of others.
+//! What the running station has recorded about jobs of others.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,7 +10,7 @@ use crate::hotfolder::state::DropId;
 pub(super) struct Arrivals {
     /// Jobs that are this station's, and whose names are taken.
     pub(super) confirmed: BTreeSet<Claim>,
-    /// Drops that are somebody else's now.
+    /// Drops whose jobs were taken over.
     pub(super) revoked: BTreeMap<DropId, Claim>,
     /// The leftovers of crashes were removed.
     pub(super) is_swept: bool,

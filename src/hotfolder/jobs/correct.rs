@@ -349,8 +349,8 @@ impl Correction<'_> {
         Err(JobError::Rejected(Reason::new("foreign-file", what, remedy)))
     }
 
-    /// Rejects the drawing if the one in the import folder, `previous`, is the result of a drawing with another name: nobody asked
-    /// to replace that, and its designer knows it as delivered.
+    /// Rejects the drawing if the one in the import folder, `previous`, is the result of a drawing with
+    /// another name: no user asked to replace that drawing, and its designer has seen it as delivered.
     fn keeps_results_of_others(&self, previous: &[u8]) -> Result<(), JobError> {
         let Ready { task, name, .. } = self.ready;
         let hash = delivery::hash_of(previous);
@@ -370,13 +370,14 @@ impl Correction<'_> {
         Err(JobError::Rejected(Reason::new("result-of-another", what, remedy)))
     }
 
-    /// Rejects the drawing if the corrected one in the import folder, `previous`, was not delivered by this station: its own station
-    /// knows it as delivered. Without a journal, the report and the archive show what this station has delivered.
+    /// Rejects the drawing if the corrected one in the import folder, `previous`, was not delivered by this
+    /// station: it is recorded as delivered at its own station. Without a journal, the report and the archive
+    /// show what this station has delivered.
     fn keeps_results_of_other_stations(&self, previous: &[u8]) -> Result<(), JobError> {
         let Ready { task, sku, pattern, name, .. } = self.ready;
         let (folders, hash) = (&task.station.folders, delivery::hash_of(previous));
         let is_in_journal = match &self.last {
-            // Nobody knows which of the two is there.
+            // It is not known which of the two is there.
             Some(last) => {
                 last.certainty == Certainty::Uncertain || [&*last.job.result, last.held()].contains(&&*hash)
             }

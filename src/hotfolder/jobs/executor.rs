@@ -33,7 +33,8 @@ use crate::reason::Reason;
 /// An archived part that was to be fitted: its path, the settings, and since when it was the SKU's part.
 pub(super) type Attempt = (PathBuf, JobSettings, Option<u64>);
 
-/// An archived part that cannot be fitted with these settings, and why drawings wait, if there is more to say than that.
+/// An archived part that cannot be fitted with these settings, and why drawings wait, if there is a more
+/// specific reason.
 pub(super) type Unfit = (Attempt, Option<Reason>);
 
 /// The state that the threads of a station share.

@@ -37,7 +37,7 @@ impl<C: Corrector> Executor<'_, C> {
         if !self.may_wait(ready.task, &unfiled) {
             return self.complete(ready, unfiled);
         }
-        // Nobody may see the pictures of an older drawing beside the new report.
+        // The pictures of an older drawing must not be visible beside the new report.
         for (kind, _) in &unfiled.delivery.pictures {
             let folders = &ready.task.station.folders;
             delivery::remove_quietly(&filing::report_path(folders, ready.sku, ready.pattern, kind.ending()));
@@ -243,9 +243,9 @@ impl<C: Corrector> Executor<'_, C> {
     }
 }
 
-/// Whether a rejected file is a text that somebody wrote, such as `can@note.txt` or `can/readme.txt`, rather than a scan: its
-/// drawings need not wait for another one. A file with the name of the SKU is meant as its part, and one that is empty or has no text
-/// may have been a scan.
+/// Whether a rejected file is a text that a person wrote, such as `can@note.txt` or `can/readme.txt`, rather
+/// than a scan: its drawings need not wait for another one. A file with the name of the SKU is intended as
+/// its part. A file that is empty or has no text may have been a scan.
 fn is_note(task: &Task, read: Option<&Read>, reason: &Reason) -> bool {
     let name = task.path.file_name().unwrap_or_default().to_string_lossy();
     let is_text = MeshFormat::from_name(&name) == Some(MeshFormat::Xyz);

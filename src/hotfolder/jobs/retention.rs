@@ -1,8 +1,9 @@
 //! Removes old reports, archived originals and rejected drops, and keeps the journal short.
 //!
-//! A separate thread does this, so that no drop waits for it. It removes only files that a station filed: reports by
-//! their suffixes, rejected drops by their reasons, and in a SKU's archive the drawings that the journal knows and the
-//! files in numbered folders. Before an archived original is removed, the journal is asked and forgets it.
+//! A separate thread does this, so that no drop waits for it. It removes only files that a station filed:
+//! reports by their suffixes, rejected drops by their reasons, and in a SKU's archive the drawings that are
+//! in the journal and the files in numbered folders. Before an archived original is removed, its entry is
+//! removed from the journal.
 
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 use std::ffi::OsString;

@@ -57,10 +57,12 @@ enum Noted {
 }
 
 impl<C: Corrector> Executor<'_, C> {
-    /// Adds numbers to the journal that it does not know, and that the note or the reports of lists show as used.
+    /// Adds numbers to the journal that are not in it, and that the note or the reports of lists show as
+    /// used.
     ///
     /// # Errors
-    /// When the note or the reports cannot be read, or when a damaged note is all that is left: the list waits.
+    /// When the note or the reports cannot be read, or when a damaged note is all that is left: the list
+    /// waits.
     pub(super) fn recall_serials(
         &self,
         task: &Task,

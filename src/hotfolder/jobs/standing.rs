@@ -176,7 +176,7 @@ fn filed_ms(folders: &FolderPaths, sku: &Sku) -> Result<u64, JobError> {
     Ok(filed.unwrap_or_default())
 }
 
-/// Why drawings of a SKU wait whose last part is gone; with `older`, the cache has another part.
+/// Why drawings of a SKU wait whose last part was removed; with `older`, the cache has another part.
 fn lost(sku: &Sku, last: &str, older: Option<&str>) -> Reason {
     let what = match older {
         Some(older) => format!(

@@ -238,6 +238,6 @@ fn continued(sentence: &str) -> String {
 pub(crate) enum Surface {
     Known,
     Unknown,
-    /// The current part itself is gone, for this reason.
+    /// The current part itself was removed, for this reason.
     Lost(Reason),
 }

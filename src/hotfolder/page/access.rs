@@ -34,7 +34,7 @@ const MAX_SENDERS: usize = 1024;
 
 type Key = [u8; 32];
 
-/// What nobody else knows.
+/// The keys and the password of the page, which are secret.
 pub(super) struct Secrets {
     /// For names that the page makes.
     key: Key,
@@ -59,7 +59,7 @@ impl Secrets {
         Ok(Self { key, token: hexadecimal(&token[..16]), password })
     }
 
-    /// A name that nobody can guess, always the same for the same words.
+    /// A name that cannot be guessed, always the same for the same words.
     pub(super) fn name(&self, words: &[&str]) -> String {
         let mut text = Vec::new();
         for word in words {

@@ -42,8 +42,9 @@ const BEAT: Duration = Duration::from_secs(10);
 const HTML: &str = "text/html; charset=utf-8";
 /// A picture shows itself, and nothing else.
 const PICTURE_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'; sandbox";
-/// A report has its own policy, which allows only its own script. This one allows all scripts in it, and takes everything else
-/// away, also that it is of the same origin as the page: a report that somebody replaced can press no button.
+/// A report has its own policy, which allows only its own script. This one allows all scripts in it and
+/// removes all other rights, also the same origin as the page: a report that was replaced cannot press a
+/// button.
 const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; \
                              base-uri 'none'; form-action 'none'; frame-ancestors 'none'; sandbox allow-scripts";
 

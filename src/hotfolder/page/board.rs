@@ -23,11 +23,11 @@ use crate::hotfolder::jobs::rejected::rejected_among;
 
 /// The page is made again after this time, because a station that hangs reports nothing.
 const TICK: Duration = Duration::from_secs(5);
-/// Time between two looks into the rejected folder while somebody looks at the page.
+/// Time between two looks into the rejected folder while the page is open.
 const LOOK: Duration = Duration::from_secs(10);
 /// The shortest time between two of these looks.
 const SHORTEST_LOOK: Duration = Duration::from_secs(1);
-/// For this time after its last request, somebody looks at the page.
+/// The page is treated as open for this time after its last request.
 const VISIT: Duration = Duration::from_secs(60);
 /// Streams of events at the same time.
 const MAX_STREAMS: usize = 40;

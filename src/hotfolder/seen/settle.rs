@@ -21,7 +21,7 @@ pub type Moment = Duration;
 pub struct Stamp {
     /// Size in bytes.
     pub size: u64,
-    /// Time of the last write, where the system knows it.
+    /// Time of the last write, if the system reports it.
     pub modified: Option<SystemTime>,
     /// Which file it is: the inode on Unix, the creation time elsewhere.
     pub identity: u64,

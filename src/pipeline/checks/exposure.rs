@@ -38,8 +38,8 @@ pub(in crate::pipeline) fn exposure(
     residual(seen, part, lift, settings, notices)
 }
 
-/// Rejects a drawing with these extents of which some ink is not on the surface; `whole` is the part of which the drawing may need
-/// only a piece.
+/// Rejects a drawing with these extents if some of its ink is not on the surface. `whole` is the whole part;
+/// the drawing may need only a piece of it.
 pub(in crate::pipeline) fn on_surface(
     seen: &Exposure,
     whole: &CachedSurface,

@@ -20,7 +20,7 @@ use crate::reason::{Notice, Place, Reason};
 
 /// Uncertain length errors above this, mm, are worth a notice.
 const NOTABLE_UNCERTAIN: f64 = 0.05;
-/// A surface is unknown if so much of the length of a drawing is uncertain.
+/// A surface is unknown if at least this share of the length of a drawing is uncertain.
 const UNKNOWN_SHARE: f64 = 0.1;
 /// A drawing that stretches less than this on the part as it is drawn is on a plane, or so small on a round face that flat facets
 /// would change its lengths by no more than this.
@@ -33,9 +33,11 @@ const NOTABLE_STRETCH: f64 = 0.02;
 const TRUE_AS_DRAWN: f64 = 5e-4;
 /// A correction that adds more than this share of the length of all lines to their error is worth a notice.
 const NOTABLE_LOSS: f64 = 0.001;
-/// A distance between marks that changes by more than this share …
+/// A changed distance between marks is worth a notice if it changes by at least this share.
+/// [`NOTABLE_DISTANCE`] must be reached, too.
 const NOTABLE_CHANGE: f64 = 0.05;
-/// … and by more than this, mm, is worth a notice.
+/// A changed distance between marks is worth a notice if it changes by at least this, mm. [`NOTABLE_CHANGE`]
+/// must be reached, too.
 const NOTABLE_DISTANCE: f64 = 0.1;
 /// The share of an uncertain stretch that is only the peak of what is possible. A warning needs what is likely.
 const PEAK_ONLY: f64 = 2.0 / 3.0;

@@ -194,7 +194,7 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     (end - data.len() == body).then_some(decoded)
 }
 
-/// The bytes of one place in all elements of a block: groups of 16, of which each has its number of bits.
+/// The bytes of one place in all elements of a block: groups of 16, each with its own number of bits.
 fn groups(data: &mut &[u8], plane: &mut [u8], length: usize, bits: [u32; 4]) -> Option<()> {
     let header = take(data, length.div_ceil(GROUP).div_ceil(4))?;
     for (number, group) in plane[..length.next_multiple_of(GROUP)].chunks_mut(GROUP).enumerate() {

@@ -27,7 +27,7 @@ impl Mask {
         Some(Self { corner, into, extents: Extents::of(corners.map(FlatPoint::coords)) })
     }
 
-    /// Whether it hides ink of one of the paths, of which each has these extents.
+    /// Whether it hides ink of one of the paths; each comes with its extents.
     pub(super) fn hides<'p>(&self, paths: impl Iterator<Item = (&'p Path, &'p Extents)>) -> bool {
         let middle = self.corner + self.into.try_inverse().unwrap_or_default() * Vector2::new(0.5, 0.5);
         // Fills by the number of their region: whether the middle is inside by the even-odd rule.

@@ -73,13 +73,13 @@ enum Simple {
     },
     Root,
     Empty,
-    /// A link that nobody has followed.
+    /// A link that was not followed.
     Link,
     Lang(Vec<String>),
     Not(Vec<Selector>),
     Is(Vec<Selector>),
     Has(Vec<Selector>),
-    /// What is true of no element in a drawing that nobody touches, and parts of elements.
+    /// Conditions that no element of a drawing meets without interaction, and parts of elements.
     Never,
     Unknown,
 }

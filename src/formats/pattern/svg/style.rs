@@ -1020,7 +1020,7 @@ fn is_feature_off(value: &str, feature: &str) -> bool {
     })
 }
 
-/// Properties of CSS, and no attributes, that say how letters are set side by side.
+/// Properties of CSS that are not attributes, and that define how letters are set side by side.
 const SHAPING: [&str; 3] = ["font-kerning", "font-variant-ligatures", "font-feature-settings"];
 
 /// Properties of CSS that move an element beside `transform`.

@@ -179,9 +179,10 @@ impl Cells {
     }
 }
 
-/// Where to search for pieces beside one. A piece is in the strip if its middle is: along the strip no farther from the middle of
-/// the one than half the length and half of its own length, across it no farther than half the width and its widening. The
-/// directions of the two must not differ by more than the angle.
+/// Where to search for pieces beside one. A piece is in the strip if its middle is. Along the strip, the
+/// middle is at most half the length of the strip plus half its own length from the middle of the one. Across
+/// the strip, it is at most half the width plus the widening. The directions of the two differ by at most the
+/// angle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Strip {
     /// Position of the piece that the strip runs along.

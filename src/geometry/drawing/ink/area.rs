@@ -4,11 +4,13 @@ use std::ops::Range;
 
 use crate::geometry::space::{Extents, FlatPoint};
 
-/// Lines through the lowest contour, at least …
+/// At least this many lines run through the lowest contour, unless [`MAX_CROSSINGS`] or [`MAX_LINES`] would
+/// be exceeded.
 const LINES: f64 = 64.0;
 
-/// … unless there would be more crossings with contours, or lines.
+/// The lines have at most this many crossings with contours.
 const MAX_CROSSINGS: f64 = 1e6;
+/// There are at most this many lines.
 const MAX_LINES: f64 = 1e5;
 
 /// The area inside the contours of any group, by the even-odd rule in each, mm²: the mean length of lines through it, so close that

@@ -4,9 +4,10 @@ use super::{Ink, Inked};
 use crate::geometry::space::FlatPoint;
 
 impl Ink {
-    /// The ink without those areas that are not in `marked`, the ink without the areas inside outlines that nothing fills,
-    /// and that are not on the part all over; with a place of each that is not. Only the outlines of these are ink: a dial
-    /// round a shaft has no area. An area ends at its outlines and at `marked` areas.
+    /// The ink without some of its areas: those that are not in `marked` (the ink without the areas inside
+    /// outlines that nothing fills) and that are only partly on the part. Returns a place of each that is not
+    /// on the part. Only the outlines of these areas are ink: a dial round a shaft has no area. An area ends
+    /// at its outlines and at `marked` areas.
     pub fn without_open_areas(
         self,
         marked: &Self,

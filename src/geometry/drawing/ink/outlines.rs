@@ -3,9 +3,12 @@
 use crate::geometry::pattern::{Path, Shape};
 use crate::geometry::space::{Extents, FlatPoint};
 
-/// An outline at most this far from the boundary of a fill, mm, and at most this share of its size, repeats it. Programs write
-/// the two with different curves and rounding, and some draw the fill a little smaller.
+/// An outline repeats the boundary of a fill if it is at most this far from it, mm. Programs write the two
+/// with different curves and rounding, and some draw the fill slightly smaller. [`COINCIDENT_SHARE`] must
+/// hold, too.
 const COINCIDENT: f64 = 0.1;
+/// An outline repeats the boundary of a fill if it is at most this share of its size away from it.
+/// [`COINCIDENT`] must hold, too.
 const COINCIDENT_SHARE: f64 = 0.01;
 /// Number of points of a contour that are compared with another one.
 const COMPARED: usize = 256;

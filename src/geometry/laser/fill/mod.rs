@@ -133,8 +133,8 @@ pub struct OpenLine {
     pub at: FlatPoint,
 }
 
-/// The lines on layers for which `is_filled` is true that enclose nothing because they are open, the smallest gap first.
-/// Strokes of letters and patterns are meant to be open.
+/// The lines on layers for which `is_filled` is true that enclose no area because they are open, the smallest
+/// gap first. Strokes of letters and patterns are open on purpose.
 pub fn open_lines(pattern: &Pattern, is_filled: impl Fn(&str) -> bool) -> Vec<OpenLine> {
     let is_on_layer = |index: usize| pattern.layers.get(index).is_some_and(|layer| is_filled(&layer.name));
     let open = pattern.paths.iter().filter(|path| {
@@ -205,10 +205,11 @@ fn bounds_an_area(path: &Path) -> bool {
     path.region.is_some() || !path.source.is_stroke
 }
 
-/// Fills the contours on layers for which `is_filled` is true, by the even-odd rule; an area that several regions of a layer
-/// cover is filled once. Regions inside outlines that are filled too, as letters in a frame, stay unfilled: the whole frame
-/// would be one block. An outline that regions cover nearly is only a line; outlines in the holes of these regions are filled.
-/// Strokes of letters and patterns are lines, also where they close. `None` if nothing is enclosed.
+/// Fills the contours on layers for which `is_filled` is true, by the even-odd rule. An area that several
+/// regions of a layer cover is filled once. Regions inside outlines that are filled too, as letters in a
+/// frame, stay unfilled: the whole frame would be one block. An outline that regions cover nearly is only a
+/// line; outlines in the holes of these regions are filled. Strokes of letters and patterns are lines, also
+/// where they close. `None` if no area is enclosed.
 ///
 /// # Errors
 /// See [`FillError`].

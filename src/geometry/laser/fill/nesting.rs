@@ -3,9 +3,11 @@
 use super::scan::{self, Outline};
 use crate::geometry::space::{Extents, FlatPoint};
 
-/// Outlines are only lines round regions that cover this share of their inside, holes included …
+/// An outline is only a line round its regions if they cover at least this share of its inside, holes
+/// included.
 const COVERED: f64 = 0.8;
-/// … and whose contours are at most this many times as large: others surround the outline.
+/// An outline is only a line round a region if the contour of the region is at most this many times as large
+/// as the outline. Larger contours surround the outline.
 const LARGER: f64 = 1.05;
 
 /// For each point, whether it is inside an odd number of these contours.
@@ -135,6 +137,7 @@ struct Overlaps<'a> {
 }
 
 impl<'a> Overlaps<'a> {
+    /// Number of boxes in a block; the right end of each block is known.
     const BLOCK: usize = 64;
 
     fn new(mut sorted: Vec<usize>, boxes: &'a [Extents]) -> Self {

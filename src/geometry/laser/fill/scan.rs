@@ -9,8 +9,9 @@ use crate::geometry::space::{Extents, FlatPoint};
 /// Pieces shorter than this are not marked, mm.
 const SHORTEST: f64 = 0.005;
 
-/// Greatest number of rows along which areas are measured, and about the greatest number of contours that they cross in all.
+/// Areas are measured along at most this many rows.
 const MOST_ROWS: f64 = 20_000.0;
+/// The rows along which areas are measured cross at most about this many contours in all.
 const MOST_CROSSINGS: f64 = 2e7;
 
 /// A contour of filled regions: points so close that the distance is linear between them.
@@ -158,9 +159,9 @@ fn inside(line: &[Crossing], outlines: &[Outline], intervals: &mut Vec<Interval>
     }
 }
 
-/// The filled area, mm²: the sum of the lengths inside along rows of the drawing. Between the heights of all corners if there
-/// are few of them, which is exact where contours do not cross; else [`MOST_ROWS`] or fewer, at uneven heights, so that no
-/// periodic drawing is in step with them.
+/// The filled area, mm²: the sum of the lengths inside along rows of the drawing. If there are few corners,
+/// the rows are between the heights of all corners, which is exact where contours do not cross. Otherwise
+/// there are [`MOST_ROWS`] or fewer, at uneven heights, to prevent a periodic drawing from matching them.
 pub(super) fn area(outlines: &[Outline]) -> f64 {
     let mut sides: Vec<(FlatPoint, FlatPoint, Option<u32>)> = Vec::new();
     for outline in outlines {

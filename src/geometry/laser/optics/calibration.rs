@@ -1,9 +1,10 @@
-//! The two lens distances and the axis, from what a person measured on marked plates.
+//! The two lens distances and the axis, from measurements on marked plates.
 //!
-//! A plate at height z shows the drawing smaller by g = s·(1 − z/L), with L and s for x and y; s is 1 where the marking
-//! software's own calibration is true. Nobody knows where the zero of the drawing is on a plate, or how the plate was turned, so
-//! every plate has its own rotation and shift. Distances between crosses do not depend on them. The axis shows only as the
-//! shift between plates: it can be found if all of them were held against the same stops.
+//! A plate at height z shows the drawing smaller by g = s·(1 − z/L), with L and s for x and y; s is 1 if the
+//! marking software's own calibration is true. It is not known where the zero of the drawing is on a plate,
+//! or how the plate was turned, so every plate has its own rotation and shift. Distances between crosses do
+//! not depend on them. The axis shows only as the shift between plates: it can be found if all of them were
+//! held against the same stops.
 
 use nalgebra::{DMatrix, DVector, Rotation2, Vector2};
 
@@ -13,15 +14,17 @@ use crate::geometry::space::{Extents, FieldPoint};
 
 /// Plates whose heights differ by less are one plate, mm.
 const SAME_HEIGHT: f64 = 0.05;
-/// A value contradicts the others if its residual is this many of their standard deviations …
+/// A value contradicts the others if its residual is more than this many of their standard deviations.
+/// [`CONTRADICTS`] must be exceeded, too.
 const CONTRADICTS_RATIO: f64 = 5.0;
-/// … and this long, mm.
+/// A value contradicts the others if its residual is longer than this, mm. [`CONTRADICTS_RATIO`] must be
+/// exceeded, too.
 const CONTRADICTS: f64 = 0.3;
-/// At most one value in this number may be left out.
+/// At most one in this number of values is excluded.
 const MOST_LEFT_OUT: usize = 8;
-/// Values that deviate by more than this number of readings' deviations are no measurement of a lens.
+/// Values that deviate by more than this many standard deviations of the readings do not measure a lens.
 const MOST_DEVIATION: f64 = 10.0;
-/// At most this number of values is left out.
+/// At most this number of values is excluded.
 const MOST_MISTAKES: usize = 10;
 /// Largest number of readings, and of plates.
 const MOST: (usize, usize) = (500, 20);
@@ -33,7 +36,7 @@ const SAME_TURN: f64 = 0.005;
 const FARTHEST_LENS: f64 = 1000.0;
 /// With this number of spare values, their residuals show how well was measured.
 const ENOUGH_SPARE: usize = 6;
-/// A difference of this many standard deviations is one.
+/// A difference is significant if it is at least this many standard deviations.
 const SURE: f64 = 3.0;
 
 /// Where a cross was measured on a plate, in mm from any zero and in any direction.
@@ -67,7 +70,8 @@ pub struct LensReadings {
     pub distances: Vec<DistanceReading>,
     /// Whether all plates were held against the same stops and measured from the same edges.
     pub same_stops: bool,
-    /// Whether the lens may be one that two distances do not describe: then nothing is left out because it does not fit them.
+    /// Whether the lens may be of a kind that two distances do not describe. Then no value is excluded
+    /// because it does not fit them.
     pub any_lens: bool,
     /// Standard deviation of one reading, mm; used while too few values show it.
     pub reading: f64,
@@ -560,7 +564,7 @@ impl<'a> Problem<'a> {
             let shifts = DVector::from_iterator(plates, (0..plates).map(shift));
             let fitted = least_squares::linear(&matrix, &shifts)?;
             let of_shift = solution.uncertainty(LENS + 1 + axis, reading).hypot(STOPS);
-            // Shifts that are not even were not made by beams.
+            // Beams shift the drawing evenly with the height. Other shifts have another cause.
             if fitted.deviation().is_some_and(|deviation| deviation > SURE * of_shift) {
                 return None;
             }

@@ -43,8 +43,9 @@ impl Solution {
         (free > 1e-6).then(|| self.residuals[index] / free)
     }
 
-    /// The observation that contradicts the others most, with its difference from their prediction in standard deviations
-    /// of the others and in its own unit. `None` with too few observations to tell.
+    /// The observation that contradicts the others most, with its difference from their prediction in
+    /// standard deviations of the others and in its own unit. `None` if there are too few observations to
+    /// show this.
     pub(super) fn most_contradicting(&self) -> Option<Contradiction> {
         let spare = self.spare();
         if spare < 3 {

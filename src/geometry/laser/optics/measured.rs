@@ -12,14 +12,16 @@ const MOST_DEGREE: usize = 5;
 const TERMS: usize = terms(MOST_DEGREE);
 /// A polynomial of a higher degree must predict a measurement from all others better by this share.
 const BETTER: f64 = 0.9;
-/// A measurement this far from the prediction of the others is a mistake, in their standard deviations …
+/// A measurement is a mistake if it differs from the prediction of the others by more than this many of their
+/// standard deviations. [`MISTAKE`] must be exceeded, too.
 const MISTAKE_RATIO: f64 = 8.0;
-/// … and in mm.
+/// A measurement is a mistake if it differs from the prediction of the others by more than this, mm.
+/// [`MISTAKE_RATIO`] must be exceeded, too.
 const MISTAKE: f64 = 0.5;
 /// Beams may grow apart by this share for each mm of height, as under a telecentric lens that is not quite parallel; the beams of
 /// other lenses come together by more.
 const DIVERGENCE: f64 = 7e-4;
-/// A difference of this many standard deviations is one.
+/// A difference is significant if it is at least this many standard deviations.
 const SURE: f64 = 3.0;
 /// Sizes on the calibrated plane are within this share of the sizes drawn, as far as a marking software is calibrated at all.
 const SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;

@@ -13,22 +13,25 @@ const ON_LINE: f64 = 0.05;
 const SMALLEST_ANGLE: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Contacts that show the height worse than this do not show it, mm.
 const WORST_HEIGHT: f64 = 2.0;
-/// How far the height of a part may be from that of the settings if nobody gave it, mm, as a standard deviation. The
-/// uncertainties of the other unknowns contain it.
+/// How far the height of a part may be from that of the settings if no height is given, mm, as a standard
+/// deviation. The uncertainties of the other unknowns contain it.
 const ASSUMED_HEIGHT: f64 = 20.0;
-/// A point contradicts the others if without it they fit better by this ratio, and it is this far away, mm.
+/// A point contradicts the others if they fit better by this ratio without it, and if it is this far away,
+/// mm.
 const CONTRADICTS: (f64, f64) = (5.0, 0.5);
-/// Contacts that deviate by more than this number of readings' deviations are not one part.
+/// Contacts that deviate by more than this many standard deviations of the readings are not on one part.
 const MOST_DEVIATION: f64 = 10.0;
-/// A tilt of the part explains the scatter of the contacts if it makes it this many times smaller, …
+/// A tilt of the part explains the scatter of the contacts if it makes it at least this many times smaller.
+/// [`SURE`] must hold, too.
 const EXPLAINS: f64 = 2.0;
-/// … and is this many of its standard deviations.
+/// A tilt of the part explains the scatter of the contacts if it is at least this many of its standard
+/// deviations. [`EXPLAINS`] must hold, too.
 const SURE: f64 = 3.0;
 /// Largest number of contacts.
 const MOST_CONTACTS: usize = 200;
 /// With this number of spare values, their residuals show how well was measured.
 const ENOUGH_SPARE: usize = 4;
-/// With this number of spare values, a tilt can be told from a mistake.
+/// With this number of spare values, a tilt can be distinguished from a mistake.
 const ENOUGH_TO_CHECK: usize = 3;
 /// Rotations from which the search starts when points do not show one.
 const STARTS: u32 = 12;
@@ -75,7 +78,7 @@ pub enum Height {
     Unknown(f64),
 }
 
-/// A height that contacts do not show and that nobody gave.
+/// A height that contacts do not show and that is not given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct AssumedHeight {

@@ -48,27 +48,33 @@ pub struct Tiling {
     pub enough: Option<usize>,
 }
 
-/// Number of places at which a cut is tried.
+/// A cut is tried at this number of places at least.
 const PLACES: f64 = 1440.0;
+/// A cut is tried at this number of places at most.
 const MOST_PLACES: f64 = 6000.0;
-/// With a given number of tiles, a tile may be wider than in the most even division by these factors, so that cuts get into
-/// gaps; the incidence at its borders grows by about the same. By this factor for any contour that fits into a tile.
+/// With a given number of tiles, a tile may be wider than in the most even division by this factor, so that
+/// cuts get into gaps. This factor applies to any contour that fits into a tile. The incidence at the borders
+/// of the tile grows by about the same factor.
 const NEARLY_EVEN: f64 = 1.15;
-/// By this factor for contours that are at most half as wide as the tiles: then a gap is near every even border.
+/// The factor instead of [`NEARLY_EVEN`] for contours that are at most half as wide as the tiles. Then a gap
+/// is near every even border.
 const WIDER: f64 = 4.0 / 3.0;
-/// By this factor if the tiles are still gentle ([`Limits::gentle`]) and no contour is cut then that fits into one.
+/// The factor instead of [`NEARLY_EVEN`] if the tiles are still gentle ([`Limits::gentle`]) and no contour
+/// that fits into one tile is cut then.
 const WIDER_IF_GENTLE: f64 = 2.0;
-/// A tile that ends at a cut contour and is narrower than this share of the widest tile of the most even division is a
-/// sliver. A contour that is too wide for one tile by [`WIDER`] can always be cut into pieces that are not.
+/// A tile is a sliver if it ends at a cut contour and is narrower than this share of the widest tile of the
+/// most even division. A contour that is too wide for one tile by [`WIDER`] can always be cut into wider
+/// pieces.
 const SLIVER: f64 = 0.4;
 
 /// Price of a cut through contours that fit into a tile, in squared widths of an even tile. Moving one border from its even
 /// position by a quarter of a tile costs the same; a gap is nearer if no contour is wider than half a tile.
 const CUT: f64 = 0.125;
-/// Price of each of these contours, up to [`MOST_CONTOURS`]: more are equally far from a gap.
+/// Price of each contour that a cut goes through, for up to [`MOST_CONTOURS`].
 const CONTOUR: f64 = 0.01;
+/// Contours above this number have no price of their own: they are equally far from a gap.
 const MOST_CONTOURS: u32 = 4;
-/// Price of a cut through contours that have to be cut somewhere.
+/// Price of a cut through contours that must be cut somewhere.
 const LONG_CUT: f64 = 0.02;
 
 /// A place for a cut.
@@ -115,13 +121,15 @@ fn is_cheaper(one: &Cost, other: &Cost) -> bool {
     (one.0, one.1).cmp(&(other.0, other.1)).then(one.2.total_cmp(&other.2)).is_lt()
 }
 
-/// Divides contours, given by the angles at which they begin and end (rad), into tiles. Contours that fit into a tile are
-/// cut as seldom as possible, then there are as few tiles as possible, and they are spread evenly.
+/// Divides contours, given by the angles at which they begin and end (rad), into tiles. Contours that fit
+/// into a tile are cut as seldom as possible. Then there are as few tiles as possible, and they are spread
+/// evenly.
 ///
-/// With a given number of tiles, they are about as wide as in the most even division: cuts are in gaps as far as tiles
-/// become neither slivers nor wider than that by a third, or twice as wide and still gentle.
+/// With a given number of tiles, they are about as wide as in the most even division. Cuts are in gaps if
+/// this makes no tile a sliver, and no tile wider than the even ones by more than a third. Gentle tiles may
+/// be twice as wide.
 ///
-/// `None` if there are no contours, or no division keeps to the limits; see [`counts`].
+/// `None` if there are no contours, or if every division exceeds the limits; see [`counts`].
 pub fn plan(spans: &[[f64; 2]], limits: &Limits) -> Option<Tiling> {
     let inked = inked(spans);
     let (start, end) = (inked.first()?[0], inked.last()?[1]);

@@ -50,7 +50,7 @@ impl IsometricMap {
         }
     }
 
-    /// Whether the map leaves next to nothing of all figures.
+    /// Whether the map leaves almost no error in any figure.
     pub(crate) fn is_true(&self, surface: &NurbsSurface, ink: &Ink) -> bool {
         let limits =
             [(Figure::Lengths, SAME_STRAIN), (Figure::Areas, SAME_STRAIN), (Figure::Angles, SAME_ANGLE)];

@@ -1,11 +1,13 @@
-//! The cells that line work without filled areas encloses, as in a grid: a person sees their size and shape.
+//! The cells that lines enclose in a drawing without filled areas, as in a grid: people see their size and
+//! shape.
 
 use crate::geometry::ink::Ink;
 use crate::geometry::space::FlatPoint;
 
 /// Largest number of squares in the drawing's box; beyond it, squares are made larger.
 const MOST_SQUARES: f64 = 2.5e5;
-/// How many times smaller than those of inked areas the squares are, so that paths go through narrow gaps …
+/// The squares are this many times smaller than those of inked areas, so that paths go through narrow gaps.
+/// In the end, only one in this many in a row is kept.
 const FINER: f64 = 4.0;
 
 /// The drawing with the cells that its lines enclose as inked squares, if it has no inked area of its own.
@@ -28,7 +30,7 @@ pub(super) fn with_enclosed_cells(ink: &Ink) -> Option<Ink> {
 fn enclosed(ink: &Ink) -> Vec<FlatPoint> {
     let size = ink.extents.size();
     let side = (ink.side / FINER).max((size.x * size.y / MOST_SQUARES).sqrt()).max(size.max() / MOST_SQUARES);
-    // … and only one of so many in a row is kept in the end.
+    // Only one in this many squares in a row is kept in the end ([`FINER`]).
     let every = ((ink.side / side) as usize).max(1);
     // A border of free squares round the box.
     let [columns, rows] = [size.x, size.y].map(|length| (length / side) as usize + 3);

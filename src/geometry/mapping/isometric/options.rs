@@ -39,7 +39,8 @@ pub struct IsometricOptions {
     pub cell: f64,
     /// Minimum and maximum number of cells in the box.
     pub cells: [usize; 2],
-    /// Whether rounds go on until they gain nothing more, for comparison; otherwise they end when the gain is small.
+    /// Whether rounds continue as long as they have any gain, for comparison; otherwise they end when the
+    /// gain is small.
     pub is_thorough: bool,
 }
 
@@ -68,8 +69,8 @@ impl IsometricOptions {
         box_weight: 0.006,
         ..Self::UNIFORM
     };
-    /// The lengths of lines first, and of outlines that nothing fills nothing but their lengths; the ink may shear half as much
-    /// again as with [`Self::UNIFORM`].
+    /// The lengths of lines first. Outlines that nothing fills keep only their lengths. The ink may shear
+    /// half as much again as with [`Self::UNIFORM`].
     pub const LENGTHS: Self = Self {
         first: Some(Figure::Lengths),
         area_weight: 1.5,
@@ -93,11 +94,11 @@ impl IsometricOptions {
         is_thorough: true,
         ..Self::INK
     };
-    /// Nothing but the lengths of lines.
+    /// Only the lengths of lines.
     pub const ONLY_LENGTHS: Self = Self { line_weight: 1.0, are_outlines_areas: false, ..Self::ONE };
-    /// Nothing but the sizes of inked areas.
+    /// Only the sizes of inked areas.
     pub const ONLY_AREAS: Self = Self { area_weight: 1.0, ..Self::ONE };
-    /// Nothing but the angles of the ink.
+    /// Only the angles of the ink.
     pub const ONLY_ANGLES: Self = Self { angle_weight: 1.0, ..Self::ONE };
 
     /// These options with the lengths of lines this many times as heavy; the ink may shear about as much as it does without a

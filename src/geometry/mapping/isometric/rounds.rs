@@ -1,10 +1,11 @@
-//! Rounds of weighting and solving: the sum of the strains' absolute values, and the largest angle error, as small as
-//! possible.
+//! Rounds of weighting and solving, which make the sum of the strains' absolute values, and the largest angle
+//! error, as small as possible.
 //!
-//! A Gauss–Newton step lowers a weighted sum of squares. With weights that fall with the strains of the step before, the
-//! sum of squares becomes one of absolute values (Huber, Robust Statistics, 1981, section 7.8), which is what e_l and e_a are;
-//! with weights that grow where an angle error is larger than elsewhere, only the largest ones resist in the end (Arora,
-//! Hazan & Kale, The multiplicative weights update method, Theory of Computing 2012).
+//! A Gauss–Newton step lowers a weighted sum of squares. With weights that fall with the strains of the step
+//! before, the sum of squares becomes a sum of absolute values (Huber, Robust Statistics, 1981, section 7.8),
+//! as e_l and e_a are. With weights that grow where an angle error is larger than elsewhere, only the largest
+//! errors resist in the end (Arora, Hazan & Kale, The multiplicative weights update method, Theory of
+//! Computing 2012).
 
 use nalgebra::Vector2;
 
@@ -22,20 +23,24 @@ use crate::geometry::surface::nurbs::NurbsSurface;
 const MAX_ROUNDS: usize = 8;
 /// Maximum number of thorough rounds.
 const MOST_THOROUGH: usize = 60;
-/// Thorough rounds end when the best of them is not lowered by [`THOROUGH_GAIN`] in this number of rounds.
+/// Thorough rounds end when none of this number of rounds lowers the cost of the best one by
+/// [`THOROUGH_GAIN`].
 const THOROUGH_PATIENCE: usize = 6;
-/// Share of the cost that counts as a gain in thorough rounds.
+/// In thorough rounds, a gain lowers the cost by at least this share.
 const THOROUGH_GAIN: f64 = 0.01;
-/// The rounds end when one lowers the cost by less than this share …
+/// The rounds end when a round lowers the cost by less than this share. Before the first gain, and always
+/// while angles are beyond their limit, [`LEAST_GAIN_BEYOND`] applies instead.
 const LEAST_GAIN: f64 = 0.25;
-/// … or, before the first gain and while angles are beyond their limit, by less than this one.
+/// Before the first gain, and always while angles are beyond their limit, the rounds end when a round lowers
+/// the cost by less than this share.
 const LEAST_GAIN_BEYOND: f64 = 0.03;
 /// Strains and angle errors (rad) below this do not matter: 0.001 mm in 100 mm.
 const SMALL: f64 = 1e-5;
-/// The weight of an angle error changes from round to round with the power 3/2 of its ratio to their mean, which is limited to
-/// this range.
+/// From round to round, the weight of an angle error changes with the power 3/2 of the ratio of the error to
+/// the mean of all. The ratio is limited to this range.
 const ANGLE_RATIOS: [f64; 2] = [0.3, 3.0];
-/// The weight of all angles in the first rounds, relative to later ones: the largest ones are not yet known.
+/// The weight of all angles in the first rounds, relative to later ones: the largest angles are not yet
+/// known.
 const FIRST_WEIGHTS: [f64; 2] = [3.0, 1.7];
 /// Paper that gives way more than this many times as much as with the even map becomes stiffer.
 const PAPER: f64 = 2.0;

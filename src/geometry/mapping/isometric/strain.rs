@@ -101,7 +101,7 @@ const ALL_ROUND: [Vector2<f64>; 4] = {
     ]
 };
 
-/// The components of ∂φ/∂s and ∂φ/∂t as what is measured.
+/// The components of ∂φ/∂s and ∂φ/∂t, as measured values.
 const CHANGES: [Derivative; 4] = [
     [[0.0; 2], [1.0, 0.0], [0.0; 2]],
     [[0.0; 2], [0.0, 1.0], [0.0; 2]],
@@ -227,7 +227,7 @@ fn rearrange<T: Copy>(things: &mut [T], order: &mut [u32]) {
     }
 }
 
-/// Most divisions of a cell along a side at which lines are gathered.
+/// A cell is divided into at most this many parts along a side, in which lines are gathered.
 const MOST_PARTS: usize = 8;
 /// Directions of gathered lines are distinguished in this number of sectors of half a turn.
 const SECTORS: usize = 16;
@@ -247,7 +247,8 @@ impl Bundle {
         let (along, length) = (piece.to - piece.from, piece.length());
         // A line has no sense.
         let along = if along.y < 0.0 { -along } else { along };
-        // Along the sides of a diamond instead of a circle: the sectors are not quite equal, which does not matter.
+        // Along the sides of a diamond instead of a circle: the sectors are slightly unequal, which has no
+        // effect.
         let turn = along.y / (along.x.abs() + along.y);
         let turn = if along.x < 0.0 { 2.0 - turn } else { turn };
         // A line along −x is one along x.
@@ -312,9 +313,9 @@ fn gathered(
         .collect()
 }
 
-/// Paper that keeps less than this share of its area resists …
+/// Paper resists if it keeps less than this share of its area.
 const SQUEEZED: f64 = 0.5;
-/// … most from this share on.
+/// The resistance of paper is largest if it keeps at most this share of its area.
 const FOLDED: f64 = 0.05;
 
 /// How what is measured at a sample is weighted.
@@ -356,8 +357,9 @@ impl Weighting for Cap {
     }
 }
 
-/// A weighting with which a step also resists any change of the map's derivatives, which keeps it short where the strains hardly
-/// determine it (Levenberg, A method for the solution of certain non-linear problems in least squares, 1944).
+/// A weighting with which a step also resists any change of the map's derivatives. This keeps the step short
+/// where the strains hardly determine it (Levenberg, A method for the solution of certain non-linear problems
+/// in least squares, 1944).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Damped<'w, W> {
     pub(super) weighting: &'w W,
@@ -426,8 +428,9 @@ impl Strain {
         ALL_ROUND.iter().map(|direction| self.stretch(direction).0.abs()).fold(0.0, f64::max)
     }
 
-    /// How many times as much as other strains the change of its area counts where the map squeezes the paper to less than half of
-    /// its area or folds it: 0 elsewhere. Lengths alone do not resist a fold: behind it they are as drawn.
+    /// How many times the weight of other strains the change of its area has where the map squeezes the paper
+    /// to less than half of its area or folds it; 0 elsewhere. Lengths alone do not resist a fold: behind it
+    /// they are as drawn.
     pub(super) fn resistance_to_folds(&self) -> f64 {
         let area = self.area();
         if area < SQUEEZED { (SQUEEZED / area.max(FOLDED)).powi(2) } else { 0.0 }

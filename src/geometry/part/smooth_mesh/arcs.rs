@@ -20,10 +20,10 @@ pub(super) const NEGLIGIBLE_BEND: f64 = 1e-3;
 const EVEN: f64 = 0.125;
 /// Sides go on beyond a neighbour if they turn by less than this, rad.
 const BEYOND: f64 = 1.0;
-/// A vertex explains the leans at a neighbour if it gains so many times as much from another normal: where arcs meet, twice as
-/// much as beside.
+/// A vertex explains the leans at a neighbour if it gains more than this many times as much from another
+/// normal as the neighbour does. Where arcs meet, it gains twice as much as beside that place.
 const EXPLAINS: f64 = 1.3;
-/// How many times as long as the shortest side at a vertex a side may be that its normals bend.
+/// A side that normals bend is at most this many times as long as the shortest side at its vertex.
 const MOST_LONGER: f64 = 6.0;
 /// Another normal at a vertex helps if it takes at least this share of the largest lean: all of it where arcs meet, and a third
 /// beside.
@@ -42,9 +42,10 @@ struct Uneven {
     is_helped: bool,
 }
 
-/// Replaces the estimates from the facets round each vertex, which the mesh has, by `refined` ones, and where arcs meet, and beside
-/// them, by those that the arcs lead to; returns the vertices where that settles them: beside a side that is much longer than
-/// another one, a small error would bend it far. `refined`, in ascending order, has all vertices at which a side bends.
+/// The mesh has estimates from the facets round each vertex. Replaces them by `refined` ones. Where arcs
+/// meet, and beside such places, replaces them by the normals that the arcs lead to. Returns the vertices
+/// where these arcs settle the normal: beside a side that is much longer than another one, a small error
+/// would bend it far. `refined`, in ascending order, has all vertices at which a side bends.
 pub(super) fn join(
     mesh: &mut SmoothMesh,
     refined: &[(u32, EstimatedNormal)],

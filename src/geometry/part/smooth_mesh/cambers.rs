@@ -1,9 +1,11 @@
-//! Shallow cylinders whose facets do not run along their lines, as those of cambered plates.
+//! Shallow cylinders whose facets do not run along their lines, for example on cambered plates.
 //!
-//! Where the outline of a face on a shallow cylinder is rounded, some programs divide it only there: its middle is one plane polygon,
-//! which meets the facets beside it in chords of the cylinder, as at edges of the part. All vertices are on the cylinder, though. An edge
-//! between two flat sides whose corners are on one cylinder runs along a line of it, as those of a prism and of a flat on a shaft do; one
-//! that leaves the cylinder between its ends is none if the facets on both sides of it, and enough others, have their corners there.
+//! Where the outline of a face on a shallow cylinder is rounded, some programs divide the face only there.
+//! The middle of the face is then one plane polygon. It meets the facets beside it in chords of the cylinder,
+//! which look like edges of the part. All vertices are on the cylinder, though. An edge between two flat
+//! sides whose corners are on one cylinder, as on a prism or on a shaft with a flat, runs along a line of the
+//! cylinder. A side that leaves the cylinder between its ends is not an edge if the facets on both sides of
+//! it, and enough other facets, have their corners on the cylinder.
 
 use nalgebra::{Point3, Vector3};
 
@@ -17,29 +19,34 @@ use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle, sliv
 use crate::geometry::fork::{Fork, mapped};
 use crate::geometry::shape_fit::cross_directions;
 
-/// The first facets of a camber meet the two beside a chord at angles of at most so many times theirs.
+/// The first facets of a camber meet one of the two facets beside a chord at an angle of at most this many
+/// times the angle between these two.
 const AROUND: f64 = 1.25;
 /// Facets of a shallow cylinder lean from it by at most this, rad.
 const LEAN: f64 = 0.2;
-/// A shallow cylinder turns by at most this in all, rad. Chords of others are edges of low-poly models, too.
+/// A shallow cylinder turns by at most this in all, rad. Chords of other cylinders may be edges of low-poly
+/// models.
 const MOST_TURN: f64 = 0.7;
-/// A chord leaves the cylinder by at least so many times what a vertex may be off.
+/// A chord leaves the cylinder by at least this many times the tolerance of a vertex (`near`).
 const LEAST_BULGE: f64 = 10.0;
-/// A side runs along a line of the cylinder where it leaves that by less than so many times what a vertex may be off.
+/// A side runs along a line of the cylinder if it leaves the line by less than this many times the tolerance
+/// of a vertex (`near`).
 const ON_LINE: f64 = 2.0;
-/// Sides at which a camber is looked for, at most: those beside which the most is at stake.
+/// Cambers are searched for at this many sides at most, those with the most at stake ([`LEAST_AT_STAKE`]).
 const MOST_TRIES: usize = 256;
-/// Facets from which a fit begins, at most.
+/// A fit begins with at most this many facets.
 const MOST_FIRST: usize = 200;
-/// Facets among which the largest round a side are looked for, at most.
+/// The largest facets round a side are searched for among at most this many facets.
 const MOST_AROUND: usize = 2000;
-/// Of the vertices that leave no doubt of a camber, what files state is this share of what a vertex may be off, root mean square, …
+/// Vertices are certainly on a camber if they leave its cylinder by at most this share of the tolerance of a
+/// vertex (`precise`), root mean square. [`OF_ROUNDING`] is the other limit; the larger one applies.
 const EXACT: f64 = 0.1;
-/// … or so many times the standard deviation of their rounding.
+/// Vertices are certainly on a camber if they leave its cylinder by at most this many standard deviations of
+/// their rounding, root mean square. [`EXACT`] is the other limit; the larger one applies.
 const OF_ROUNDING: f64 = 3.0;
-/// A camber is looked for at sides whose length times the angle between their facets is at least this, mm.
+/// A camber is searched for at sides whose length times the angle between their facets is at least this, mm.
 const LEAST_AT_STAKE: f64 = 0.016;
-/// Rounds in which a cylinder is fitted to the facets that it has gained.
+/// A cylinder is fitted again to the facets that it has gained in at most this many rounds.
 const ROUNDS: usize = 4;
 
 /// What a mesh shows of its facets.
@@ -223,7 +230,8 @@ impl Search<'_> {
         self.leaves(round, facing[0] as usize) >= LEAST_BULGE * self.near
     }
 
-    /// The largest facets round a side that do not turn far from those beside it: so many that their corners can show a cylinder.
+    /// The largest facets round a side that do not turn far from the facets beside it; enough of them that
+    /// their corners can show a cylinder.
     fn largest(&self, facing: Facing) -> Vec<usize> {
         let seeds = facing.map(|side| side as usize / 3);
         let normals = seeds.map(|triangle| facet_normal(self.mesh.corners(triangle).0));

@@ -1,8 +1,9 @@
-//! Shallow caps of spheres, as the crowned face of a button.
+//! Shallow caps of spheres, for example the crowned face of a button.
 //!
-//! Such a face has few vertices inside its outline, and none whose neighbours in two rows are all inside; beside a fillet, they are on no
-//! sphere. Its facets turn little, though, and those of the fillet turn away: facets that can be reached from one and face nearly as it
-//! does have their corners on one sphere, to within what files state of them.
+//! Such a face has few vertices inside its outline, and at each of them some neighbours in two rows are at
+//! the outline. Beside a fillet, these neighbours are on no sphere. The facets of the cap turn little,
+//! though, and those of the fillet turn away. So facets that can be reached from one facet and face nearly as
+//! it does have their corners on one sphere, to within the precision of the file.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -16,24 +17,29 @@ use crate::geometry::adjacency::{NONE, facet_normal, sliver_side};
 use crate::geometry::shape_fit::cross_directions;
 use crate::geometry::sphere::Sphere;
 
-/// The corners that show a cap are at least so many: three more than fit any quadric.
+/// A cap shows in at least this many corners: three more than the number that some quadric always fits.
 const LEAST_VERTICES: usize = 12;
-/// Facets are looked at that turn from a first one by at most so much, rad: first those of the shallowest caps.
+/// Facets are searched that turn from a first one by at most these angles, rad. The shallowest caps come
+/// first.
 const TURNS: [f64; 3] = [0.02, 0.08, 0.3];
-/// Facets round a first one that are looked at, at most.
+/// At most this many facets round a first one are searched.
 const MOST_AROUND: usize = 400;
-/// First facets, at most: the largest ones.
+/// At most this many first facets are tried, the largest ones first.
 const MOST_TRIES: usize = 48;
-/// Corners leave the plane of a cap by so many times what a vertex may be off.
+/// The corners leave the plane of a cap by at least this many times the tolerance of a vertex (`near`).
 const LEAST_BULGE: f64 = 20.0;
-/// Of corners that leave no doubt of a cap, what files state is this share of what a vertex may be off, root mean square, …
+/// The corners are certainly on a cap if they leave its sphere by at most this share of the tolerance of a
+/// vertex (`near`), root mean square. [`OF_ROUNDING`] is the other limit; the larger one applies.
 const EXACT: f64 = 0.1;
-/// … or so many times the standard deviation of their rounding.
+/// The corners are certainly on a cap if they leave its sphere by at most this many standard deviations of
+/// their rounding, root mean square. [`EXACT`] is the other limit; the larger one applies.
 const OF_ROUNDING: f64 = 3.0;
-/// Corners leave any other quadric by this, root mean square, over a face of the size 1 in all directions: those of faces from CAD programs
-/// by 0.014 to 0.1, those that are on one by 0.000002 where files round them.
+/// The corners leave every other quadric by more than this, root mean square, if the face is scaled to size 1
+/// in all directions. Faces from CAD programs leave it by 0.014 to 0.1. Corners that are on another quadric
+/// leave it by 0.000002 where files round them.
 const LEAST_OTHER: f64 = 5e-3;
-/// What they may be off the sphere is at most this share of that.
+/// The corners leave the sphere by less than this share of the distance by which they leave every other
+/// quadric.
 const OF_OTHER: f64 = 0.02;
 
 /// The spheres of shallow caps, each with a facet from which the others can be reached; `is_open` are the triangles that may be of one.
@@ -74,14 +80,15 @@ struct Search<'a, F> {
     mesh: &'a SmoothMesh,
     /// Whether a triangle may be of a cap.
     is_open: F,
-    /// For each triangle the last walk that reached it, 0 if none did, …
+    /// For each triangle, the number of the last walk that reached it; 0 if none did.
     last_walk: Vec<u32>,
-    /// … of so many.
+    /// The number of walks so far.
     walk: u32,
 }
 
 impl<F: Fn(usize) -> bool> Search<'_, F> {
-    /// The facets that can be reached from a first one through others which turn from it by at most so much, rad.
+    /// The facets that can be reached from a first one through others that turn from it by at most `turn`,
+    /// rad.
     fn around(&mut self, seed: usize, turn: f64) -> Vec<usize> {
         let mesh = self.mesh;
         let (normal, least) = (facet_normal(mesh.corners(seed).0), turn.cos());
@@ -129,8 +136,9 @@ fn cap(mesh: &SmoothMesh, triangles: &[usize], points: &[Point3<f64>], near: f64
     is_alone(points, mean_normal(mesh, triangles), limit).then_some(sphere)
 }
 
-/// Whether points that are on one sphere, and may be off by so much, mm, are on no other quadric: all that are on two planes are on that
-/// of these, as two rings of a turned part, or two meridians of a barrel, and those on a cone or on the rim of an oval are on theirs.
+/// Whether points on one sphere, which may be off by `off`, mm, are on no other quadric. All points on two
+/// planes, as on two rings of a turned part or on two meridians of a barrel, are on the quadric of these
+/// planes. Points on a cone or on the rim of an oval are on the quadric of that shape.
 fn is_alone(points: &[Point3<f64>], normal: Vector3<f64>, off: f64) -> bool {
     let count = points.len() as f64;
     let center = Point3::from(points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count);

@@ -1,11 +1,13 @@
-//! What the surface may be over a side whose arc nothing confirms: a CAD program cuts each arc of a profile evenly, and an arc
-//! that is cut into one facet shows only by what it continues.
+//! What the surface may be over a side whose arc nothing confirms. A CAD program cuts each arc of a profile
+//! evenly. An arc that is cut into one facet shows only by what it continues.
 //!
-//! The sides of an extruded strip across its rulings, and of a turned part along its profile, are the chords of one curve. If it
-//! is made of tangent arcs, the normals at both ends of a chord lean from it by half the turn of its arc, and two chords turn at
-//! the vertex between them by half the turns of both arcs. Two chords of the same length are cut from one arc, which turns by as much
-//! as they do. A chord with no such neighbour takes what the arcs beyond its ends leave of the turns there; if they are
-//! not known either, all of it: the curve is between the chord and the arc that continues a flat side.
+//! The sides of an extruded strip across its rulings, and of a turned part along its profile, are the chords
+//! of one curve. If the curve consists of tangent arcs, the normals at both ends of a chord lean from it by
+//! half the turn of its arc, and two chords turn at the vertex between them by half the turns of both arcs.
+//! Two chords of the same length are cut from one arc, which turns by as much as they do. A chord without
+//! such a neighbour takes the rest of the turns at its ends that the arcs beyond leave. If these arcs are not
+//! known either, it takes the whole turns: the curve is between the chord and the arc that continues a flat
+//! side.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,39 +19,48 @@ use crate::geometry::adjacency::{Neighbours, facet_normal, spread};
 pub(super) const NEGLIGIBLE_BULGE: f64 = 1e-3;
 /// A side continues another one where the cosine of their angle in the tangent plane is below this.
 pub(super) const ON_ONE_LINE: f64 = -0.995;
-/// The error is largest where the part is steepest; this is its share of the mean error over the chord.
+/// The largest error over a chord, where the part is steepest, is this many times the mean error over it.
 const OF_LONE: f64 = 1.5;
-/// On a turned part the error is that of the slope along the profile only: the mean over lines in all directions.
+/// On a turned part, only the slope along the profile has an error. This is the mean share of it over lines
+/// in all directions.
 pub(super) const OF_TURNED: f64 = std::f64::consts::FRAC_2_PI;
-/// Facets contain a ruling if they are off it by at most this share of what the side turns by, or by the second value, rad.
+/// Facets contain a ruling if they are off it by at most this share of the turn at the side. If [`ROUNDING`]
+/// is larger, it is the limit.
 const RULING: f64 = 0.05;
+/// Facets contain a ruling if they are off it by at most this, rad, which rounding explains. If the limit by
+/// [`RULING`] is larger, that applies.
 const ROUNDING: f64 = 1e-4;
-/// Sides are cut evenly from one arc where their lengths differ by at most this factor, and rings where they differ by at most
-/// the second.
+/// Sides are cut evenly from one arc if their lengths differ by at most this factor.
 pub(super) const EVENLY_CUT: f64 = 1.1;
+/// Two sides at a vertex are on a ring only if their lengths differ by at most this factor.
 const EVEN_RING: f64 = 1.02;
-/// What mirrors each other is at right angles to the plane between it within this, rad.
+/// The line between two vertices that mirror each other is at right angles to the mirror plane within this,
+/// rad.
 const MIRRORED: f64 = 0.05;
-/// Their normals are as far along the profile, rad.
+/// The normals at two vertices that mirror each other differ along the profile by less than this, rad.
 const MIRRORED_NORMALS: f64 = 0.01;
 /// Two chords of one length are cut from one arc if the turns at their ends differ by at most this share.
 const SAME_ARC: f64 = 0.5;
 /// A side beside an arc is flat if it takes at most this share of the turn between them.
 pub(super) const NOT_FLAT: f64 = 0.25;
-/// The lengths of the chords of a smooth curve change by at most the first factor from one to the next, and these factors by at most
-/// the second.
+/// The lengths of the chords of a smooth curve change by less than this factor from one to the next.
 const MOST_STEADY: f64 = 1.6;
+/// The factors by which the lengths of the chords of a smooth curve change differ by less than this factor
+/// from one to the next.
 const STEADY: f64 = 1.3;
-/// The curvatures at four vertices in a row are those of a smooth curve where the inner ones leave the line between the outer ones by at
-/// most this share of the largest. A flat side between two arcs, and an arc of one facet between two others, do not.
+/// The curvatures at four vertices in a row are those of a smooth curve if the inner two leave the line
+/// between the outer two by at most this share of the largest one. At a flat side between two arcs, and at an
+/// arc of one facet between two others, they leave it farther.
 const EVEN_BEND: f64 = 0.15;
-/// Unless wide and narrow sides take turns: the one are so many times as long as the other.
+/// Where wide and narrow sides take turns, a wide one is more than this many times as long as a narrow one.
+/// Such sides are not the chords of one smooth curve.
 const IN_TURN: f64 = 1.5;
-/// A straight side is followed over at most so many pieces, …
+/// A straight side is followed over at most this many pieces.
 const MOST_PIECES: usize = 8;
-/// … which turn by less than this, rad.
+/// The pieces of a straight side turn by at most this from one to the next, rad.
 const STRAIGHT: f64 = 1e-3;
-/// At so many vertices in a row, on average beyond both ends, a curve bends that is no fillet of one facet.
+/// Beyond both ends of a side there is a curve, not a fillet of one facet, if it bends at this many vertices
+/// in a row on average.
 const BENDING: usize = 3;
 /// Vertices beyond an end of a straight line that are looked at, at most.
 const MOST_BEYOND: usize = MOST_PIECES + 2 * BENDING;
@@ -79,8 +90,8 @@ struct StraightRun {
 
 /// How a curve bends beyond the end of a straight line.
 struct Bend {
-    /// How far the normal at the end leans from the line, rad: what a known arc leaves of the turn there, or the lean of a circle through
-    /// the vertices.
+    /// How far the normal at the end leans from the line, rad: the rest of the turn there beside a known arc,
+    /// or the lean of a circle through the vertices.
     lean: f64,
     /// At how many vertices it bends that way, up to twice [`BENDING`].
     count: usize,
@@ -116,8 +127,8 @@ pub(super) struct Chains<'a> {
 }
 
 impl<'a> Chains<'a> {
-    /// Those of the sides between `chosen` vertices, one flag for each; `straightest` has those of all vertices within a side of
-    /// these.
+    /// The sides between `chosen` vertices, one flag for each; `straightest` has the sides of all vertices
+    /// within a side of these.
     pub(super) fn of(mesh: &'a SmoothMesh, straightest: &'a Straightest<'a>, chosen: &[bool]) -> Self {
         let mut places = vec![0; chosen.len()];
         let mut count = 0;
@@ -185,9 +196,10 @@ impl<'a> Chains<'a> {
         }
     }
 
-    /// The error of the slope over a side that is taken for a straight one, rad, root mean square, if smooth curves without known arcs
-    /// bend on beyond both ends, one way at one and the other way at the other, at several vertices or by more than what is beyond can
-    /// explain: a flat side leads from one fillet to another, and so does the bend of a spline. 0 for others.
+    /// The error of the slope over a side that is treated as straight, rad, root mean square; 0 for others.
+    /// Such a side has an error if smooth curves without known arcs continue to bend beyond both ends, in
+    /// opposite ways. They must bend at several vertices, or by more than the facets beyond can explain: a
+    /// flat side leads from one fillet to another, and so does the bend of a spline.
     pub(super) fn doubt_of_straight(&self, ends: [u32; 2]) -> f64 {
         let is_extruded = self.is_across_rulings(ends);
         if !is_extruded && !self.is_along_profile(ends) {
@@ -255,8 +267,8 @@ impl<'a> Chains<'a> {
         Some(Bend { lean, count, leaves_tangent })
     }
 
-    /// Whether the arc of a side ends at its second end, and what is beyond is not known: the border of the smooth side, or a
-    /// chord that is cut from no arc.
+    /// Whether the arc of a side ends at its second end, and nothing is known beyond: the border of the
+    /// smooth side, or a chord that is cut from no arc.
     fn ends_openly(&self, [from, end]: [u32; 2], lean: f64) -> bool {
         let Some(beyond) = self.straight_on(from, end) else { return true };
         let turn = self.turn_at(end, [from, beyond]);
@@ -279,7 +291,8 @@ impl<'a> Chains<'a> {
         Some((self.turn_at(end, [from, beyond]) - of_arc).clamp(-MOST_LEAN, MOST_LEAN))
     }
 
-    /// Whether the turns before, at and after a side change evenly, as those of a smooth curve do where it bends the other way.
+    /// Whether the turns before, at and after a side change evenly, as on a smooth curve that starts to bend
+    /// the other way.
     fn is_ramp(&self, [one, other]: [u32; 2]) -> bool {
         let turns = |from: u32, end: u32| {
             let beyond = self.straight_on(from, end)?;

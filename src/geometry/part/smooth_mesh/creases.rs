@@ -1,9 +1,11 @@
-//! Edges of a part that are no sharper than the steps between facets of a curved face: told by what the facets beside them do.
+//! Edges of a part that are no sharper than the steps between facets of a curved face. The facets beside a
+//! step show whether it is an edge.
 //!
-//! A step between two facets of a curved face comes with steps of the same kind before and after it. An edge of the part
-//! stands alone, as a ridge between two flat sides or the mitre of two fillets does. A section through the facets at right
-//! angles to the step shows it: its corner at the step is compared with the next ones on both sides. One that turns back what the step
-//! turns explains it only as far as two arcs would, of which the tessellation has no more than a chord each.
+//! A step between two facets of a curved face comes with similar steps before and after it. An edge of the
+//! part stands alone, for example a ridge between two flat sides or the mitre of two fillets. A section
+//! through the facets at right angles to the step shows the difference: its corner at the step is compared
+//! with the next corners on both sides. A corner that turns back what the step turns explains the step only
+//! as far as two arcs would. The tessellation has no more than one chord of each arc.
 
 use std::f64::consts::PI;
 
@@ -13,58 +15,65 @@ use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal, width};
 use crate::geometry::fork::{Fork, mapped};
 
-/// A step stands out where it turns by so many times what the steps beside it explain, and by [`LEAST`] more.
+/// A step stands out if it turns by more than this many times the turn that the steps beside it explain, plus
+/// [`LEAST`].
 const STANDS_OUT: f64 = 4.0;
 const LEAST: f64 = 2.0 * PI / 180.0;
-/// The same for a step that continues an edge, which is known to be one.
+/// The factor instead of [`STANDS_OUT`] for a step that continues a known edge, or that is at a flat side.
 const STILL_STANDS_OUT: f64 = 2.0;
-/// And for an edge that is one because its facets meet at a large angle.
+/// The factor instead of [`STANDS_OUT`] for an edge that is known because its facets meet at a large angle.
 const SHARP_STANDS_OUT: f64 = 2.5;
-/// An edge runs out in a step that turns by at least the first of these shares of what is explained, and by shares between the
-/// other two of the step before it.
+/// An edge runs out in a step that turns by more than this share of the explained turn.
 const RUNS_OUT: f64 = 0.4;
+/// An edge runs out in a step whose turn is between these two shares of the turn of the step before it.
 const FADES: [f64; 2] = [0.25, 0.6];
-/// The mitre of two fillets loses at each step what the facets beside it turn by; here so many times what is explained.
+/// At each step, the mitre of two fillets loses as much of its turn as the facets beside it turn by: between
+/// these two multiples of the explained turn.
 const LOSES: [f64; 2] = [0.5, 1.5];
-/// An edge does not bend by more than this from one step to the next, rad.
+/// An edge bends by at most this from one step to the next, rad.
 const STRAIGHT: f64 = 35.0 * PI / 180.0;
-/// An edge that ends within a smooth side has at least so many steps, and is so many times as long as the facets beside it are
-/// high: single steps that stand out are accidents of a coarse mesh.
+/// An edge that ends within a smooth side has at least this many steps. Single steps that stand out are
+/// accidents of a coarse mesh.
 const LEAST_STEPS: usize = 3;
+/// An edge that ends within a smooth side is more than this many times as long as the facets beside it are
+/// high.
 const LEAST_LENGTH: f64 = 4.0;
-/// A step is not looked at where it would bend a smooth surface by less than this, mm.
+/// A step is skipped if it would bend a smooth surface by less than this, mm.
 const PLAIN: f64 = 2e-3;
-/// Lengths of which one is so many times the other are not those of one curve that was cut evenly.
+/// Two lengths are not from one evenly cut curve if one is more than this many times the other.
 const UNEVEN: f64 = 2.5;
-/// No piece of a curve that is cut evenly is so many times as long as the others.
+/// Each piece of an evenly cut curve is at most this many times as long as the others.
 const LONGER: f64 = 1.25;
-/// Widths of which none is so many times another are one.
+/// Widths are equal if the largest is less than this many times the smallest.
 const EQUAL: f64 = 1.05;
 /// The flat of a shaft has edges of at least this share of its width. The facet at the pole of a dome has shorter ones.
 const STRIP: f64 = 0.75;
-/// The sides of a prism are at least so many times as wide as the chamfers of its edges.
+/// The sides of a prism are at least this many times as wide as the chamfers of its edges.
 const CHAMFERED: f64 = 1.25;
-/// All sides of a prism are equally wide, its chamfers too, and all its edges turn alike: to within this factor in a section across an edge,
-/// to which the other edges of a pyramid are oblique.
+/// On a regular prism, all sides are equally wide, all chamfers are equally wide, and all edges turn by the
+/// same angle. In a section across an edge, these values differ by less than this factor. On a pyramid, the
+/// other edges are oblique to the section.
 const REGULAR: f64 = 1.1;
 /// A turn by less than this, rad, may be rounding in any file.
 const LEAST_CORNER: f64 = 2e-3;
-/// Facets of a smooth curve turn by less than this, rad; they do not meet where a section through a vertex turns by more.
+/// Facets of a smooth curve turn by less than this, rad. If a section through a vertex turns by more, its
+/// facets do not continue each other there.
 const MOST_OF_CURVE: f64 = 60.0 * PI / 180.0;
-/// A smooth curve turns to and fro at the ends of a straight row of facets by less than this, rad: its two arcs would have a chord
-/// each, which leans by half of what the arc turns, 45° at most.
+/// At the ends of a straight row of facets, a smooth curve turns one way and back by less than this, rad. Its
+/// two arcs would have one chord each, which leans by half of the turn of the arc, 45° at most.
 const MOST_OF_SWAY: f64 = 22.5 * PI / 180.0;
-/// The same where nothing is cut between the ends, as two arcs would be.
+/// The same limit as [`MOST_OF_SWAY`], rad, where the row between the ends is not cut. It would be cut
+/// between two arcs.
 const MOST_OF_SINGLE_SWAY: f64 = 15.0 * PI / 180.0;
-/// The facets of one row are at least so high, as a share of the way to the next corner.
+/// The height of the facets of one row is at least this share of the way to the next corner.
 const OF_ROW: f64 = 0.9;
 /// The width of a row changes along a step by less than this share.
 const OF_WIDTH: f64 = 0.3;
-/// A corner of the section that turns by less than this share of the step is none.
+/// A corner of the section is skipped if it turns by less than this share of the turn of the step.
 const NO_CORNER: f64 = 0.25;
-/// Where along a step the sections run besides its middle.
+/// Where sections run across a step besides the one in its middle, as shares of its length.
 const CUTS: [f64; 2] = [0.3, 0.7];
-/// Steps looked at round one place at most: edges do not meet by the hundred.
+/// At most this many steps are looked at round one place, because edges do not meet by the hundred.
 const MOST_AT_PLACE: usize = 64;
 
 /// Two facing sides, the smaller number first.
@@ -103,11 +112,12 @@ struct Measured {
 
 /// A flat beside a step.
 struct AtFlat {
-    /// What the curved side explains of the step, or half of what both sides explain, rad.
+    /// How much of the step the curved side explains, rad, or half of what both sides explain.
     ///
-    /// However a tessellation limits what its chords turn by, or how far they leave the curve, its wide chords turn by no more than its narrow
-    /// ones do: a far wider one explains as much as a narrow one. Other facets that are equally wide may be of one arc that is cut
-    /// unevenly, and explain more, in proportion to their widths.
+    /// A tessellation limits the turn of its chords, or their distance from the curve. In both cases, its
+    /// wide chords turn by no more than its narrow ones: a far wider one explains as much as a narrow one.
+    /// Other facets that are equally wide may belong to one arc that is cut unevenly. They explain more, in
+    /// proportion to their widths.
     explained: f64,
     /// Whether it may be one of a row of equal facets round a ball or a barrel.
     may_be_in_row: bool,
@@ -353,8 +363,8 @@ impl Steps<'_> {
         }
     }
 
-    /// The flat that is beside a step of a curve, if one is: equally wide all along the step, as that of a shaft is, or far wider than
-    /// the pieces of the curve, as the floor of a bowl is.
+    /// The flat side beside a step of a curve, if there is one. It is equally wide all along the step, as on
+    /// a shaft, or far wider than the pieces of the curve, as the floor of a bowl is.
     fn beside_flat(&self, step: Facing, turned: f64) -> Option<AtFlat> {
         let [from, to] = self.facets.ends(step[0] as usize);
         let along = (to - from).try_normalize(0.0)?;
@@ -417,7 +427,7 @@ impl Steps<'_> {
             let ahead = if side == 0 { -turned } else { turned };
             if beside[side].turns_back(ahead) { Some(0.0) } else { beside[side].explains() }
         });
-        // What nothing is known of is like the other side.
+        // A side of which nothing is known is like the other side.
         let like = |side: usize| {
             let lengths = [side, 1 - side].map(|side| beside[side].lengths[0]);
             known[1 - side].map_or(0.0, |explained| explained * (lengths[0] / lengths[1]).min(1.0))
@@ -527,9 +537,10 @@ fn at_place(ends: &[(u32, u32)], place: u32) -> impl Iterator<Item = usize> {
 }
 
 impl Beside {
-    /// Whether the first piece is longer than the next ones on both sides of it, the more so the less equal these are: a curve is cut
-    /// evenly, or finer where something is cut out of it. The flat of a shaft has its edges on the cylinder, and its angles show no
-    /// more than a chord. Where the section ends beyond it, nothing shows how equal they are.
+    /// Whether the first piece is longer than the next ones on both sides of it. It must be longer by more if
+    /// these are less equal: a curve is cut evenly, or finer where something is cut out of it. The flat of a
+    /// shaft has its edges on the cylinder, and its angles show no more than a chord. If the section ends
+    /// beyond the piece, nothing shows how equal the next ones are.
     fn starts_flat(&self, other: &Self) -> bool {
         let [shortest, longest] = self.beside_flat(other);
         other.count > 1 && self.lengths[0] > longest * (LONGER * longest / shortest).min(UNEVEN)
@@ -548,8 +559,8 @@ impl Beside {
         beside.fold([f64::INFINITY, 0.0], |[low, high], length| [low.min(length), high.max(length)])
     }
 
-    /// Whether the section turns back what the step `turned`, rad, after one row of facets, and goes on straight: two edges of a
-    /// sloping side between flatter ones.
+    /// Whether the section turns back by the angle of the step `turned`, rad, after one row of facets, and
+    /// then continues straight: the two edges of a sloping side between flatter ones.
     fn turns_back(&self, turned: f64) -> bool {
         let [back, far] = [-self.turns[0] * turned.signum(), self.turns[1].abs()];
         let is_single = self.height > OF_ROW * self.lengths[0];

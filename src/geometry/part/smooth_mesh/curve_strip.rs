@@ -1,9 +1,10 @@
 //! An extruded strip whose vertices are on one plane curve, with rows of vertices inside it.
 //!
-//! Programs that divide a face as a grid, and its rims at other places, leave facets between both that contain no ruling. Along the
-//! rulings, all vertices of such a strip are on one curve nevertheless: that through the columns of the grid, the vertices of the rims,
-//! or both, whichever shows its normals best. Facets between the grid and the rims have a vertex of a column and do not face the ends of
-//! the strip, as those of a fillet do.
+//! Some programs divide a face as a grid, and its rims at other places. They leave facets between the grid
+//! and the rims that contain no ruling. Along the rulings, all vertices of such a strip are on one curve
+//! nevertheless: the curve through the columns of the grid, through the vertices of the rims, or through
+//! both, whichever shows the normals best. The facets between the grid and the rims have a vertex of a
+//! column. They do not face the ends of the strip as the facets of a fillet do.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -31,9 +32,9 @@ pub(super) struct CurveStrip<'a> {
 }
 
 impl<'a> CurveStrip<'a> {
-    /// The strip that continues some triangles with sides along an axis (`is_ruling`) to rims whose vertices follow each other
-    /// differently; `None` if nothing continues them so, or they have no rows. At most so many triangles are looked at. Vertices may be off by
-    /// `near`, mm.
+    /// The strip that continues some triangles, with sides along an axis (`is_ruling`), to rims whose
+    /// vertices follow each other differently. `None` if nothing continues them so, or if they have no rows.
+    /// At most `visits` triangles are looked at. Vertices may be off by `near`, mm.
     pub(super) fn of(
         mesh: &'a SmoothMesh,
         axis: Vector3<f64>,

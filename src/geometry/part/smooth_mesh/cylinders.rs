@@ -1,11 +1,12 @@
-//! Normals of vertices that are on one cylinder or cone, as those of the round side of a can, a shaft, a cup, or a fillet along an
-//! edge.
+//! Normals of vertices that are on one cylinder or cone, for example on the round side of a can, a shaft or a
+//! cup, or on a fillet along an edge.
 //!
-//! The vertices of a tessellation are on the part. Those of a strip of facets that are on one cylinder, to within what files
-//! state of them, and turn often enough, show its axis and radius far better than the facets round each of them: at rims, where a
-//! fillet's vertices follow each other in uneven steps, estimates from few facets lean by a tenth of the turn and more. What follows
-//! its ends confirms it (`ends`). Where a program cuts a hole into a mesh, the new vertices are on its facets (`plane_facets`), and
-//! not on the part from which these were cut.
+//! The vertices of a tessellation are on the part. If the vertices of a strip of facets are on one cylinder,
+//! to within the precision of the file, and the strip turns often enough, they show its axis and radius far
+//! better than the facets round each vertex do. At rims, the vertices of a fillet follow each other in uneven
+//! steps, and estimates from few facets lean by a tenth of the turn and more. The facets beyond the ends of
+//! the strip confirm it (`ends`). Where a program cuts a hole into a mesh, the new vertices are on its facets
+//! (`plane_facets`), and not on the part from which these were cut.
 
 mod search;
 
@@ -28,26 +29,30 @@ pub(super) const LEAST_ANGLES: usize = 5;
 pub(super) const LEAST_VERTICES: usize = 10;
 /// Angles that differ by less than this, rad, are one.
 pub(super) const SAME_ANGLE: f64 = 1e-3;
-/// The facets of a cylinder leave it by at least this many times what a vertex may be off: short pieces of any smooth curve are arcs,
-/// and on fine meshes the vertices round them show their normals well.
+/// The facets of a cylinder leave it by at least this many times the tolerance of a vertex (`near`). Short
+/// pieces of any smooth curve are arcs, and on fine meshes the vertices round the facets show their normals
+/// well.
 const LEAST_BULGE: f64 = 50.0;
-/// The same at the ends of long facets, where the vertices round them do not.
+/// The same limit at the ends of long facets, where the vertices round the facets do not show their normals
+/// well.
 const LEAST_BULGE_OF_LONG: f64 = 10.0;
 /// A facet is long if one side is this many times as long as another.
 const LONG: f64 = 4.0;
-/// Long facets may leave their cylinder by only this share of that, if enough of them are on one cylinder.
+/// Long facets may leave their cylinder by only this share of [`LEAST_BULGE_OF_LONG`], if enough of them are
+/// on one cylinder.
 const FINER: f64 = 0.1;
-/// Half of the facets of a cylinder's strip leave it by that; where the estimated normals let one leave by less than this share of
-/// it, no strip is looked for.
+/// A strip is searched for only where estimated normals let a facet leave its cylinder by at least this share
+/// of the limit. Half of the facets of a strip must leave the cylinder by the limit itself.
 const ESTIMATED: f64 = 0.8;
 /// A cone is fitted in vain to at most this many strips: coarse turned parts and other nets of facets have many.
 const MOST_VAIN_CONES: usize = 1_000;
 /// At most this many looks for each triangle on average: nearly every facet of some surfaces begins a cylinder of its own.
 const MOST_VISITS: usize = 8;
-/// A side of a twisted prism ends on helices, which are on a cylinder as well. It is told from facets of the cylinder by this share of
-/// its triangles that have no other one beside them round the axis, and by what follows: facets turn by less than this share of what
-/// those beside one of the cylinder do.
+/// The side of a twisted prism ends on helices, which are on a cylinder as well. At least this share of its
+/// triangles has no other triangle of the side beside it round the axis. [`CONTINUES_FLAT`] is a second sign.
 const SIDE_BY_SIDE: f64 = 0.9;
+/// Beyond the side of a twisted prism, facets turn by less than this share of the turn of facets beside one
+/// of the cylinder.
 const CONTINUES_FLAT: f64 = 0.75;
 /// A triangle is that of the cylinder where its normals differ from the cylinder's by less than this, rad.
 const SAME_NORMAL: f64 = 1e-3;
@@ -116,10 +121,10 @@ impl Rounds {
     }
 }
 
-/// Replaces normals that are `estimated` by those of the cylinders and cones that their vertices show, and their `deviations` by 0;
-/// those of cones are as exact as those of a file, and not estimated any more. At an edge that the facets beyond show, they get
-/// vertices of their own. Vertices on their chords move onto them. `written` are the positions as the file states them, `cambers` are
-/// known.
+/// Replaces normals that are `estimated` by the normals of the cylinders and cones that their vertices show,
+/// and their `deviations` by 0. Normals of cones are as exact as those of a file, and are not estimated any
+/// more. At an edge that the facets beyond show, the cylinders and cones get vertices of their own. Vertices
+/// on their chords move onto them. `written` are the positions as the file states them; `cambers` are known.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     written: &[Point3<f64>],
@@ -242,8 +247,8 @@ fn groups_of(
     cambers.iter().map(of_camber).collect()
 }
 
-/// The cylinders of which the vertices, which may be off by `near`, mm, leave no doubt, each with those of its vertices that are at
-/// edges, and whether it is hollow. Triangles of these are known (`is_known`) from then on.
+/// The cylinders that are certain from their vertices, which may be off by `near`, mm. Each comes with its
+/// vertices at edges, and with whether it is hollow. Its triangles are known (`is_known`) from then on.
 fn certain_groups(
     mesh: &SmoothMesh,
     estimated: &[bool],
@@ -262,7 +267,8 @@ fn certain_groups(
     if seeds.is_empty() {
         return Vec::new();
     }
-    // Facets that leave a cylinder less far belong to the group of those that leave it farther, as the narrow ones round a hole.
+    // Facets that leave a cylinder by less belong to the group of those that leave it farther, for example
+    // narrow ones round a hole.
     seeds.sort_by(|(_, one), (_, other)| other.total_cmp(one));
     let seeds: Vec<usize> = seeds.into_iter().map(|(triangle, _)| triangle).collect();
     let surroundings = Surroundings::of(mesh, near, fork);
@@ -327,10 +333,12 @@ pub(super) struct OnMesh<'a> {
 }
 
 impl OnMesh<'_> {
-    /// Whether the facets are a flat side that is twisted about the axis, and only its ends are on the group's cylinder or cone.
+    /// Whether the facets are a flat side that is twisted about the axis, and only its ends are on the
+    /// group's cylinder or cone.
     ///
-    /// No section across the axis shows more of it than one chord. Such a chord is a facet of the cylinder where it turns as little as
-    /// those of a tessellation do, and the facets beyond its ends do not continue it as a flat side.
+    /// Every section across the axis shows only one chord of such a side. The chord is a facet of the
+    /// cylinder if it turns as little as the chords of a tessellation, and if the facets beyond its ends do
+    /// not continue it as a flat side.
     fn is_twisted_side(&self) -> bool {
         let Self { mesh, group: Group { round, triangles, near, .. } } = self;
         let mut members = triangles.clone();

@@ -1,7 +1,8 @@
-//! What follows the ends of a surface of straight lines, as of a cylinder or a cone, along these lines.
+//! The facets beyond the ends of a surface of straight lines, along these lines; for example of a cylinder or
+//! a cone.
 //!
-//! Two rings of vertices are also on the barrel or the ball that has both; there the facets beyond them are about as long, and lean
-//! as far, as those between them would.
+//! Two rings of vertices are also on a barrel or a ball. There, the facets beyond the rings are about as
+//! long, and lean as far, as facets between them would.
 
 use nalgebra::{Point3, Vector3};
 
@@ -11,49 +12,59 @@ use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side, wi
 use crate::geometry::fork::Fork;
 use crate::geometry::rounding;
 
-/// Vertices on a surface are this close to it, mm, or …
+/// Vertices on a surface are at most this far from it, mm. [`DIGITS`] applies instead where it allows more.
 const ON: f64 = 1e-4;
-/// … this share of their largest coordinate: files state six to seven digits.
+/// Vertices on a surface are at most this share of their largest coordinate away from it, because files state
+/// six to seven digits. [`ON`] applies instead where it allows more.
 const DIGITS: f64 = 1e-6;
-/// Programs that round coordinates round them to this, mm, at least. What coarser rounding leaves is not exact enough.
+/// Programs that round coordinates round them to this, mm, or finer. Vertices that are rounded to a coarser
+/// step are not exact enough.
 const DECIMAL: f64 = 1e-3;
-/// Facets beyond the end of a surface continue it, straight, where they lean along its lines by less than this, rad.
+/// Facets beyond the end of a surface continue it straight if they lean along its lines by less than this,
+/// rad.
 const STRAIGHT: f64 = 1e-3;
-/// The arc of a profile that the facets of a surface may be part of has chords of about the same length; a surface is at least so
-/// many times as long as the facets of a fillet at its end.
+/// A surface is at least this many times as long as the facets of a fillet at its end. Otherwise its facets
+/// may be part of an arc of a profile, whose chords have about the same length.
 const LONGER: f64 = 2.0;
-/// Vertices on an arc that begins at a rim in the direction of the surface show its radius to within this share. Those of one that
-/// begins in another direction, as at the end of a crowned roller, do not.
+/// Vertices on an arc that begins at a rim in the direction of the surface show the radius of the arc to
+/// within this share. If the arc begins in another direction, as at the end of a crowned roller, they do not.
 const SAME_RADIUS: f64 = 0.05;
-/// A vertex is compared with the next one that is so many times as far beyond the rim.
+/// A vertex beyond a rim is compared with the next one that is more than this many times as far beyond the
+/// rim.
 const NEXT: f64 = 1.3;
-/// The facets of a cone beyond an edge lean alike, within this, rad.
+/// The facets of a cone beyond an edge lean alike if their leans differ by less than this, rad.
 const IN_LINE: f64 = 0.01;
-/// Where the facets beyond a rim are a single row, nothing shows how the profile goes on. A surface is so long that an arc as
-/// narrow as theirs would leave it so many times as far as the arcs across its lines.
+/// Where only one row of facets is beyond a rim, nothing shows how the profile continues. The surface is
+/// straight if it is long enough: an arc as narrow as these facets would leave it more than this many times
+/// as far as the arcs across its lines do.
 const IMPLAUSIBLE: f64 = 12.0;
-/// Facets beyond an edge need not lean alike, as those of two cones, and those of one cone may be narrow, if the surface is so many
-/// times as long as they are.
+/// A surface is long if it is more than this many times as long as the facets beyond its edge. Beyond a long
+/// surface, the facets need not lean alike, as on two cones, and the facets of one cone may be narrow.
 const MUCH_LONGER: f64 = 4.0;
-/// The chords of a profile may leave it farther than those across the lines where the angle between facets was limited alone; then
-/// it turns from one to the next as those do. Beyond a surface whose profile is cut otherwise, they lean by less than this share of
-/// that angle.
+/// A tessellation may limit only the angle between facets. Then the chords of a profile may leave it farther
+/// than the chords across the lines do, but both turn by the same angle from one to the next. If the profile
+/// was cut in another way, the facets beyond a long surface lean by less than this share of that angle.
 const GENTLE: f64 = 0.25;
-/// Two rows of facets are of a cone if their leans differ by less than this share of what those of an arc would.
+/// Two rows of facets are on a cone if the difference of their leans is less than this share of the
+/// difference on an arc.
 const OF_ARC: f64 = 0.25;
-/// First vertices beyond a rim are on one arc where their radii differ by less than this share.
+/// The first vertices beyond a rim are on one arc if their radii differ by less than this share.
 const SAME_ARC: f64 = 0.01;
-/// Vertices show an arc that puts them off by so many times what they may be, root mean square. They need not show an arc that leans
-/// by less than the second at its ends, rad.
+/// Vertices show an arc if it would move them by more than this many times their tolerance (`near`), root
+/// mean square.
 const SHOWN: f64 = 2.0;
+/// An arc that leans by less than this at its ends, rad, need not show in the vertices.
 const SHOWN_SLOPE: f64 = 2e-3;
-/// Lines are straight if an arc that vertices do not show along the surface has at least so many times the radius of those across it.
-/// Others may be a few rings of the fine profile of a turned part.
+/// Lines are straight if every arc along the surface that the vertices do not show has at least this many
+/// times the radius of the arcs across it. Otherwise the facets may be a few rings of the fine profile of a
+/// turned part.
 const STRAIGHTER: f64 = 50.0;
-/// The share of a rim at which other things than the end of a surface may seem to follow: facets stand unevenly there.
+/// Along this share of a rim, something other than the end of the surface may seem to follow, because facets
+/// are uneven there.
 const UNLIKE: f64 = 0.1;
-/// The chords of a tessellation leave the part by about the same distance everywhere. Facets beyond the end of a surface that
-/// would leave the arc of a fillet by so many times as far as those of the surface meet it at an edge.
+/// Facets beyond the end of a surface meet it at an edge if they would leave the arc of a fillet more than
+/// this many times as far as the facets of the surface leave the surface. The chords of a tessellation leave
+/// the part by about the same distance everywhere.
 const FARTHER: f64 = 2.0;
 
 /// How far the vertices of a mesh may be off, mm.
@@ -158,9 +169,9 @@ struct End {
 }
 
 impl End {
-    /// Whether it follows a surface of parallel lines, and not an arc that leaves its facets as far as they leave those `across` the
-    /// lines: straight on, in a fillet, or at an edge. `arc` is the radius of an arc that begins at this rim, mm, if one does.
-    /// Vertices may be off by `near`, mm.
+    /// Whether it follows a surface of parallel lines: straight on, in a fillet, or at an edge. The
+    /// alternative is an arc that leaves its facets as far as they leave the arcs `across` the lines. `arc`
+    /// is the radius of an arc that begins at this rim, mm, if one does. Vertices may be off by `near`, mm.
     fn is_of_straight(&self, across: Across, arc: Option<f64>, near: f64) -> bool {
         let Self { first, next, width, own } = self;
         let Across { bulge, turn } = across;
@@ -208,8 +219,8 @@ impl<'a> Surroundings<'a> {
         Self { mesh, facets: PlaneFacets::of(mesh, near, fork), near }
     }
 
-    /// Whether nothing beyond the ends of a surface contradicts it. The neighbours of the mesh's vertices are found for the first
-    /// surface that has ends.
+    /// Whether the facets beyond the ends of a surface are consistent with it. The neighbours of the mesh's
+    /// vertices are found for the first surface that has ends.
     pub(super) fn confirm(&self, surface: &impl Ruled, around: &mut Option<Neighbours>) -> bool {
         let ends = self.ends(surface.triangles());
         if ends.is_empty() {
@@ -313,8 +324,9 @@ impl<'a> Surroundings<'a> {
         (past > self.near).then(|| (Beyond { past, off: surface.distance(side, &at) }, rim))
     }
 
-    /// The vertices of a surface at which facets beyond it meet it at an edge, as those of a flat side that is cut into a shaft:
-    /// facets of an arc or flat side that continues it would leave it no farther than its own. In ascending order.
+    /// The vertices of a surface at an edge to facets beyond it, for example to a flat side that is cut into
+    /// a shaft. Facets of an arc or flat side that continues the surface would leave it no farther than its
+    /// own facets do. In ascending order.
     pub(super) fn at_edges(&self, surface: &impl Surface) -> Vec<u32> {
         let bulge = surface.largest_bulge();
         let is_edge = |&(side, beyond): &(usize, usize)| {

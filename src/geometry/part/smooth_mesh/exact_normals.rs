@@ -1,8 +1,9 @@
-//! Facets whose corners and the file's normals there are those of one cylinder or sphere.
+//! Facets whose corners, and the file's normals there, are on one cylinder or sphere.
 //!
-//! Where narrow facets of a fillet, or long ones, leave in doubt how a face runs between its vertices, their exact normals may tell it:
-//! on a sphere, equal steps lead from all vertices along their normals to one point, on a cylinder to one straight line. A facet and
-//! one beside it have eight numbers more than that takes.
+//! Narrow facets of a fillet, or long facets, leave in doubt how a face runs between its vertices. Their
+//! exact normals may show it. On a sphere, equal steps lead from all vertices along their normals to one
+//! point; on a cylinder, they lead to one straight line. A facet and one beside it have eight numbers more
+//! than this requires.
 
 use nalgebra::{Point3, Vector3};
 
@@ -12,7 +13,7 @@ use crate::geometry::fork::{Fork, found};
 
 /// Normals in files are exact to this, rad.
 const DIGITS: f64 = 1e-6;
-/// The facets leave a cylinder or sphere at least so many times as far as their corners may be off.
+/// The facets leave a cylinder or sphere by at least this many times the tolerance of their corners.
 const LEAST_BULGE: f64 = 10.0;
 /// Facets of one face turn by at most this in the exports of CAD programs, rad. Normals of models with fewer facets may be those
 /// of a sphere through the corners of a cube.

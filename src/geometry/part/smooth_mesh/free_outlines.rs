@@ -1,7 +1,9 @@
-//! Extruded faces with free outlines, as the top of a key fob: facets run from rim to rim beside the rulings, not along them.
+//! Extruded faces with free outlines, for example the top of a key fob. Their facets run from rim to rim. The
+//! sides of the facets are near the rulings but not along them.
 //!
-//! Seen along its rulings, all vertices of such a face are on one plane curve, also where its rims run up and down. Estimates at the
-//! rims would follow the small facets of a fillet there; the long facets of the face know better.
+//! Seen along its rulings, such a face has all vertices on one plane curve, also where its rims run up and
+//! down. At the rims, estimated normals would follow the small facets of a fillet. The long facets of the
+//! face show the normals better.
 
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 
@@ -11,47 +13,54 @@ use super::ends::{Surface, range};
 use super::round::principal;
 use crate::geometry::adjacency::{NONE, facet_normal, width};
 
-/// One side of a facet from rim to rim is so many times as long as another; of those towards the end of an outline, the second.
+/// One side of a facet from rim to rim is at least this many times as long as another side.
 const LONG: f64 = 4.0;
+/// One side of a facet near the end of an outline is at least this many times as long as another side.
 const LONG_AT_END: f64 = 2.0;
-/// Facets of a face turn by less than this from one to the next, rad, …
+/// Facets of a face turn by less than this from one to the next, rad.
 const MOST_TURN: f64 = 0.6;
-/// … their long sides run along that of the first one but for this angle, as a sine, and are at most so many times as short, …
+/// The long sides of facets of a face leave the direction of the first one by less than this, as a sine.
 const ASKEW: f64 = 0.5;
+/// The first long side of a face is at most this many times as long as the others.
 const SHORTER: f64 = 5.0;
-/// … they bend at most so many times as much as those so far, unless they turn by less than the second, rad: a fillet is of another face,
-/// …
+/// Facets of a face bend at most this many times as much as those before them, per mm of width. A fillet that
+/// bends more is another face. Facets that turn by no more than [`NOTABLE_TURN`] are exempt.
 const MORE_BENT: f64 = 15.0;
+/// Facets that turn by at most this, rad, belong to a face however narrow they are.
 const NOTABLE_TURN: f64 = 0.05;
-/// … not half of what they turn is in less than this share of their width, …
+/// Half of the turn of a face takes at least this share of its width.
 const LEAST_OF_WIDTH: f64 = 0.12;
-/// … and all of them lean from their middle by less than this, as a cosine.
+/// The normal of every facet of a face differs from the mean normal by at most the angle with this cosine.
 const LEAST_FACING: f64 = 0.4;
-/// A face has so many facets, at least.
+/// A face has at least this many facets.
 const LEAST_FACETS: usize = 6;
-/// The normals of its facets leave the plane across its rulings by at most this share of what they turn in it.
+/// The normals of a face leave the plane across its rulings by at most this share of their turn in that
+/// plane.
 const LEAVES: f64 = 0.1;
-/// Facets that turn by less than this, rad, root mean square, show no rulings.
+/// Facets show rulings only if they turn by at least this, rad, root mean square.
 const LEAST_TURN: f64 = 0.01;
-/// The rims of a face vary along the rulings by at least this share of its length: where they do not, only what is beyond them shows
-/// whether it is straight.
+/// The rims of a face vary along the rulings by at least this share of its length. Where they do not, only
+/// the facets beyond the rims show whether the face is straight.
 const FREE: f64 = 0.1;
-/// Beyond the rims, facets reach so many times less far than those before them, but along this share of them.
+/// The facets beyond the rims are narrower by at least this factor than those before them. Beyond a side
+/// along the rulings they are at most this many times as wide.
 const NARROWER: f64 = 2.0;
+/// At most this share of the rims has facets beyond it that contradict [`NARROWER`].
 const UNLIKE: f64 = 0.1;
-/// A side is along the rulings where it leaves them by less than this angle, as a cosine.
+/// A side is along the rulings if it differs from their direction by less than the angle with this cosine.
 const ALONG: f64 = 0.9;
-/// Arcs along a face leave its facets at most so many times as far as those across it.
+/// Arcs along a face leave its facets at most this many times as far as the arcs across it.
 const FARTHER: f64 = 2.0;
-/// Vertices are on one curve within this share of how far it leaves its chords.
+/// Vertices are on one curve if they are off it by at most this share of the distance between the curve and
+/// its chords.
 const OF_BULGE: f64 = 0.2;
-/// Fewer than this share of the facets are not on the curve of the others.
+/// More than this share of the facets is on one curve.
 const MOST: f64 = 0.8;
-/// Rounds in which those that are not are removed.
+/// Facets that are not on the curve are removed in at most this many rounds.
 const ROUNDS: usize = 5;
-/// Steps in which the direction of rulings is found.
+/// The direction of the rulings is found in this many steps.
 const STEPS: usize = 3;
-/// Points on either side of one between which the curve shows where it should be.
+/// This many points on either side of a point show where the curve should be there.
 const BESIDE: usize = 2;
 
 /// The faces among triangles that are `open`, each with its axis and how far its slope may be off by what its facets hide, rad, root
@@ -221,7 +230,8 @@ impl<'a> Face<'a> {
         range(self.vertices.iter().map(|&vertex| self.along(vertex)).filter(|along| is_chosen(*along)))
     }
 
-    /// Orders the vertices so that the curve's outside is that of the facets, of which the middle is given.
+    /// Orders the vertices so that the outside of the curve is the outside of the facets. `middle` is the
+    /// mean normal of the facets.
     fn order(&mut self, middle: &Vector3<f64>) {
         let ahead = self.axis.cross(middle);
         let mut places: Vec<(f64, u32)> =
@@ -230,9 +240,10 @@ impl<'a> Face<'a> {
         self.vertices = places.into_iter().map(|(_, vertex)| vertex).collect();
     }
 
-    /// For each vertex how far it is from where the cubic through those beside it is, seen along the axis, mm, and by how much a turn of
-    /// the axis reduces that, mm/rad: towards the end of the curve, and away from the part. Both are divided by the root of the sum of
-    /// the squares of what the vertices count there.
+    /// For each vertex: how far it is, seen along the axis, from the cubic through the vertices beside it,
+    /// mm, and by how much a turn of the axis reduces this distance, mm/rad. The axis turns towards the end
+    /// of the curve, and away from the part. Both values are divided by the root of the sum of the squared
+    /// weights of the vertices.
     fn offs(&self) -> Vec<(u32, f64, Vector2<f64>)> {
         let points = self.points();
         let mut places = vec![0.0; points.len()];
@@ -242,7 +253,7 @@ impl<'a> Face<'a> {
         let Some([ahead, up]) = self.directions() else { return Vec::new() };
         let off = |own: usize| {
             let others = || (own - BESIDE..=own + BESIDE).filter(|other| *other != own);
-            // Where points nearly coincide, some count much.
+            // Where points nearly coincide, some have a large weight.
             let count = |other: usize| {
                 let rest = others().filter(|rest| *rest != other);
                 rest.map(|rest| (places[own] - places[rest]) / (places[other] - places[rest]))
@@ -287,8 +298,8 @@ impl<'a> Face<'a> {
         Some(())
     }
 
-    /// How far the curve leaves its chords, mm. Where vertices are not on one curve, that through all goes to and fro; the middles of
-    /// its chords do not.
+    /// How far the curve leaves its chords, mm. If vertices are not on one curve, a curve through all of them
+    /// zigzags; the middles of its chords do not.
     fn bulge(&self) -> f64 {
         let points = self.points();
         let middles: Vec<Point3<f64>> =

@@ -1,8 +1,9 @@
-//! Edges of the part that only its facets show, and that may be none: an arc that is cut into two facets has one corner, as a roof
-//! has, where the arcs beyond it turn the other way and leave no corner there.
+//! Edges that only the facets of the part show, and that may not be edges. An arc that is cut into two facets
+//! has one corner, as a roof has, if the arcs beyond it turn the other way and leave no corner there.
 //!
-//! The two chords of such an arc have one length. Each leaves the arc by half the turn between them at both ends, and what the
-//! curve turns at their far ends besides is that of the chords beyond. A roof between flat sides has no such turns.
+//! The two chords of such an arc have the same length. At both ends, each chord leaves the arc by half the
+//! turn between the chords. The rest of the turn at their far ends is that of the chords beyond. A roof
+//! between flat sides has no such turns.
 
 use nalgebra::Vector3;
 
@@ -36,8 +37,8 @@ struct Beside {
 }
 
 impl Beside {
-    /// Whether the facet is flat: the arc beyond, which the next two facets are cut from, begins where it ends, and leaves nothing of
-    /// the turn there for an arc that leans from its chord by `lean`, rad.
+    /// Whether the facet is flat. The arc beyond, from which the next two facets are cut, begins where the
+    /// facet ends. It leaves no turn there for an arc that leans from its chord by `lean`, rad.
     fn is_flat(&self, lean: f64) -> bool {
         let [second, third] = self.lengths_beyond;
         let is_evenly_cut = second <= EVENLY_CUT * third && third <= EVENLY_CUT * second;
@@ -151,9 +152,10 @@ pub(super) fn directions(arcs: &[HiddenArc]) -> Vec<(u32, Vector3<f64>)> {
     directions
 }
 
-/// A side between two curves that bend opposite ways may be their common tangent, or the long chord of an S-shaped curve: programs that
-/// measure how far the middle of a chord is off find nothing there. The error of the slope of the side on this `way` of an edge that
-/// `turned`, rad, if the curves do not leave it as a tangent, rad, root mean square.
+/// The error of the slope of the side on this `way` of an edge that `turned`, rad, root mean square, if the
+/// curves do not leave the side as a tangent. A side between two curves that bend opposite ways may be their
+/// common tangent, or the long chord of an S-shaped curve: programs that measure how far the middle of a
+/// chord is off find no distance there.
 fn of_double_bend(turned: f64, beside: &[Beside; 2], way: usize) -> Option<f64> {
     let (side, curve) = (&beside[way], &beside[1 - way]);
     // Sections on the two sides of the edge run opposite ways.
@@ -184,8 +186,9 @@ fn of_double_bend(turned: f64, beside: &[Beside; 2], way: usize) -> Option<f64> 
     Some(of_cubic(first, last))
 }
 
-/// The sides of a prism and the chamfers of its edges may be chords of one circle where none of them is wider than those of a round face:
-/// the triangles beside an edge that `turned`, rad, on each side of it, with the error of their slopes if they are, rad, root mean square.
+/// The triangles beside an edge that `turned`, rad, on each side of it, with the error of their slopes, rad,
+/// root mean square, if they are chords of one circle. The sides of a prism and the chamfers of its edges may
+/// be such chords if none of them is wider than those of a round face.
 fn of_round_prism(turned: f64, beside: &[Beside; 2]) -> impl Iterator<Item = (&[usize], f64)> {
     let [one, other] = beside.each_ref().map(|beside| beside.length);
     let turns_on = |way: usize| {

@@ -34,8 +34,9 @@ use crate::geometry::osculating_jet::{EstimatedNormal, NEGLIGIBLE_RISE, refined_
 use crate::geometry::rounding;
 use crate::geometry::space::View;
 
-/// The same where the file's normals were averaged to look smooth and the facets on both sides are about equally wide: that
-/// the facets of an octagonal prism were meant to be round is more likely then. A narrow facet beside a wide one is a chamfer.
+/// The angle instead of [`CREASE_ANGLE`], rad, if the file's normals were averaged to look smooth and the
+/// facets on both sides are about equally wide. Then the designer of an octagonal prism more likely intended
+/// a round part. A narrow facet beside a wide one is a chamfer.
 const SHADED_CREASE_ANGLE: f64 = 50.0 * std::f64::consts::PI / 180.0;
 /// Facets are about equally wide if one is at most this many times as wide as the other.
 const ABOUT_AS_WIDE: f64 = 1.5;
@@ -49,7 +50,7 @@ const LEAST_ALONE: f64 = 0.01;
 /// An edge that leaves its side by less than this, mm, is straight.
 const LEAST_BEND: f64 = 1e-5;
 
-/// Triangles whose sides are looked at together: what is found of so many needs little memory.
+/// The sides of this many triangles are looked at together, which limits the memory for what is found.
 const BLOCK: usize = 1 << 16;
 
 /// How two facets meet at a side.
@@ -125,21 +126,30 @@ fn without_copies(mesh: &TriMesh) -> Option<TriMesh> {
 }
 
 impl SmoothMesh {
-    /// The mesh as `view` shows it. Two triangles continue each other across a shared side when the file's normals
-    /// agree at both of its ends to within [`NORMAL_TOLERANCE`], or, where there are none, when their facets meet at
-    /// less than [`CREASE_ANGLE`], run the same way round (see [`winding`](crate::geometry::winding)) and the steps beside them
-    /// show that they are those of a curved face (`creases`).
+    /// The mesh as `view` shows it. Two triangles continue each other across a shared side if the file's
+    /// normals agree at both of its ends to within [`NORMAL_TOLERANCE`]. Without normals, they continue each
+    /// other if their facets meet at less than [`CREASE_ANGLE`], run the same way round (see
+    /// [`winding`](crate::geometry::winding)), and the steps beside them show that they are facets of a
+    /// curved face (`creases`).
     ///
-    /// Normals that the file does not have are estimated: those of the facets round a vertex, weighted by sin(angle) /
-    /// (product of edge lengths), which is exact on spheres (Max, Weights for computing vertex normals from facet
-    /// normals, Journal of Graphics Tools 4(2), 1999), then those of the cubics through the vertices round it
-    /// (`osculating_jet`), because on other surfaces the first are right only where the vertices lie symmetrically; where arcs
-    /// of different radii meet, those that the arcs lead to (`arcs`); at right angles to long, straight sides (`long_sides`); and where a wide facet continues in narrow ones, as a flat side
-    /// in its fillet, those that the narrow ones lead to (`flats`). The sides of cylinders and extruded strips are estimated without what is
-    /// beyond their ends (`cylinders`, `strips`, `plane_curve`, `free_outlines`); those of balls follow from all their vertices (`spheres`), and so do
-    /// those of shallow cylinders (`cambers`). Normals that only shade ([`TriMesh::normals_only_shade`]) tell edges and nothing else.
-    /// Where the file has no normals, they do not depend on how plane polygons were cut (`plane_polygons`).
-    /// A mesh that is its facets ([`TriMesh::is_facetted`]) continues nowhere.
+    /// Normals that the file does not have are estimated in these steps:
+    ///
+    /// - from the facets round a vertex, weighted by sin(angle) / (product of edge lengths), which is exact
+    ///   on spheres (Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools
+    ///   4(2), 1999);
+    /// - from the cubics through the vertices round it (`osculating_jet`), because on other surfaces the
+    ///   first step is right only where the vertices are placed symmetrically;
+    /// - where arcs of different radii meet, from these arcs (`arcs`);
+    /// - at right angles to long, straight sides (`long_sides`);
+    /// - where a wide facet continues in narrow ones, as a flat side in its fillet, from the narrow ones
+    ///   (`flats`).
+    ///
+    /// The normals of cylinders and extruded strips are estimated without the facets beyond their ends
+    /// (`cylinders`, `strips`, `plane_curve`, `free_outlines`). Those of balls follow from all their vertices
+    /// (`spheres`), and so do those of shallow cylinders (`cambers`). Normals that only shade
+    /// ([`TriMesh::normals_only_shade`]) are used only to find edges. Where the file has no normals, the
+    /// estimates do not depend on how plane polygons were cut (`plane_polygons`). A mesh that consists of its
+    /// facets ([`TriMesh::is_facetted`]) continues nowhere.
     pub fn new(mesh: &TriMesh, view: &View) -> Self {
         Self::with_fork(mesh, view, &InTurn)
     }
@@ -276,7 +286,7 @@ impl SmoothMesh {
             region_sets.join(side as usize / 3, other as usize / 3);
         }
 
-        // Other normals of a file tell less well where an edge runs.
+        // Other normals of a file show less well where an edge runs.
         let exact = if mesh.has_exact_normals() { &edges[..] } else { &[] };
         let beside = creases.iter().chain(&sharp).chain(exact);
         let beside = beside.map(|&[side, other]| facing_corners(side as usize, other as usize).0);
@@ -365,8 +375,9 @@ impl SmoothMesh {
         bends
     }
 
-    /// Doubts the slopes of facets that are shaded flat as those of a round face may be, where the rest of their body is shaded
-    /// smooth: the slope of an arc differs from that of its chord by up to half the angle between two chords.
+    /// Doubts the slopes of facets that are shaded flat but may belong to a round face, where the rest of
+    /// their body is shaded smooth. The slope of an arc differs from that of its chord by up to half the
+    /// angle between two chords.
     fn doubt_flat_shading(&mut self, mesh: &TriMesh) {
         let turns = mesh.open_turns();
         self.slope_doubts.resize(turns.len().max(self.slope_doubts.len()), 0.0);
@@ -450,9 +461,9 @@ impl SmoothMesh {
         }
     }
 
-    /// Makes the summed normals unit vectors; where there is none it is estimated. Returns for each vertex whether it is, and
-    /// the standard deviation of the estimate, rad; 0 where nothing else shows than the facets round it. Without estimates there
-    /// are no deviations.
+    /// Makes the summed normals unit vectors, and estimates a normal where there is none. Returns for each
+    /// vertex whether its normal is estimated, and the standard deviation of the estimate, rad; 0 if only the
+    /// facets round the vertex show it. Without estimates there are no deviations.
     pub(super) fn complete_normals(&mut self, fork: &dyn Fork) -> (Vec<bool>, Vec<f64>) {
         let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
         if is_missing.contains(&true) {
@@ -536,8 +547,9 @@ impl SmoothMesh {
         is_bent
     }
 
-    /// Both sides of each edge of the part that is curved or may end within a smooth side; the corners that face each other at
-    /// both ends are given. On a cylinder (`is_round`) they follow from it, and not from what is beyond.
+    /// Both sides of each edge of the part that is curved or may end within a smooth side, with the corners
+    /// that face each other at both ends. On a cylinder (`is_round`) these follow from the edge, and not from
+    /// the facets beyond.
     fn edges_between(&self, edges: Vec<[(usize, usize); 2]>, is_round: &[bool]) -> Vec<Crease> {
         let is_round = |crease: &Crease| is_round.get(crease.side as usize / 3) == Some(&true);
         let vertex = |corner: usize| self.triangles[corner / 3][corner % 3] as usize;
@@ -572,9 +584,9 @@ impl SmoothMesh {
         creases
     }
 
-    /// Doubts the whole bulge of each triangle at a side that normals of the file round, and lets no doubt be larger than the
-    /// bulge: the facets themselves are part of the part. Of a facet of a smooth face, which a steep one continues, only what it
-    /// bulges across the side is in doubt.
+    /// Doubts the whole bulge of each triangle at a side that normals of the file round, and limits every
+    /// doubt to the bulge: the facets themselves belong to the part. If a steep facet continues a facet of a
+    /// smooth face, only its bulge across the side is in doubt.
     fn doubt_rounded(&mut self, sides: &[Facing]) {
         let mut is_rounded = vec![false; self.positions.len()];
         let mut across: Vec<(u32, f64)> = Vec::new();

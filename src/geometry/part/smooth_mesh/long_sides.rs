@@ -1,8 +1,9 @@
-//! Normals at the ends of long, straight sides, as those of a fillet that runs along a part and ends in its corner.
+//! Normals at the ends of long, straight sides, for example of a fillet that runs along a part and ends in
+//! its corner.
 //!
-//! An estimate from the facets round such an end leans towards the short ones, and over the length of the side that is a bulge.
-//! The short ones tell where they begin to bend: a curve through the section behind the end starts in the direction of the
-//! side.
+//! An estimate from the facets round such an end leans towards the short facets. Over the length of the side,
+//! this lean is a bulge. The short facets show where they begin to bend: a curve through the section behind
+//! the end starts in the direction of the side.
 
 use std::collections::BTreeMap;
 
@@ -13,39 +14,47 @@ use super::sections::{Facets, turn};
 use crate::geometry::adjacency::{NONE, facet_normal};
 use crate::geometry::fork::{Fork, found};
 
-/// What a normal bends a side by is left as it is below this, mm.
+/// A normal is not changed if it bends a side by less than this, mm.
 const PLAIN: f64 = 2e-3;
-/// Facets contain the direction of a side when their normals are this near to a right angle with it, rad.
+/// Facets contain the direction of a side if the angle between their normals and the side differs from a
+/// right angle by less than this, rad.
 const CONTAINS: f64 = 2e-3;
-/// Facets of one plane: the cosine between their normals. Diagonals in it are no sides of the part.
+/// Facets are in one plane if the cosine of the angle between their normals is larger than this. Diagonals in
+/// that plane are not sides of the part.
 const COPLANAR: f64 = 0.9998;
-/// Facets looked at round a vertex, at most.
+/// At most this many facets are looked at round a vertex.
 const MOST_FACETS: usize = 64;
-/// The section behind an end is looked at over this share of the side's length, and until it has turned by [`FAR`], rad; over
-/// so many pieces at least.
+/// The section behind an end is followed over at most this share of the length of the side.
 const BEHIND: f64 = 0.4;
+/// The section behind an end is followed until it has turned by this, rad, but over at least
+/// [`LEAST_PIECES`].
 const FAR: f64 = 0.8;
+/// The section behind an end shows a bend only if it has at least this many pieces.
 const LEAST_PIECES: usize = 3;
-/// A side is straight where it would be flatter than the section behind its end by this factor.
+/// A side is straight if it would be flatter than the section behind its end by this factor.
 const FLATTER: f64 = 0.04;
-/// The chords of a tessellation leave the part by about the same distance everywhere. A side is straight where it would bulge so
-/// many times as far as all others at its end.
+/// A side is straight if it would bulge this many times as far as every other side at its end. The chords of
+/// a tessellation leave the part by about the same distance everywhere.
 const IMPLAUSIBLE: f64 = 6.0;
-/// It is also so many times as long as all others: where vertices lie at random, one side bulges by chance.
+/// A side that is straight because of its bulge is also this many times as long as every other side at its
+/// end. Where vertices are placed at random, one side bulges by chance.
 const MUCH_LONGER: f64 = 4.0;
-/// Sides nearer to the direction of a side than this, as a cosine, are diagonals beside it and would bulge as far.
+/// Sides whose angle with a side has a larger cosine than this are diagonals beside it and would bulge as
+/// far.
 const ALONGSIDE: f64 = 0.5;
 /// Sides are parallel and equally long if they differ by less than this share of their length. The chords of two rings round a
 /// fillet are parallel, too, but not as long.
 const PARALLEL: f64 = 1e-4;
-/// Parallel sides from a straight one on, at most.
+/// From a straight side on, at most this many parallel sides are followed.
 const MOST_PARALLEL: usize = 32;
-/// Sides at one vertex that can be straight: a plane is held by two.
+/// At most this many sides at one vertex can be straight: two define a plane.
 const MOST_SIDES: usize = 2;
-/// Where the facets on both sides of a side and of one beside it bend opposite ways, as those of a twisted side do, one is the diagonal
-/// of the other, and bent: a twisted side has straight lines in one direction. They are this near to each other, as a cosine, and the
-/// straight one goes on within the surface by turning less than this share of what the diagonal does.
+/// On a twisted side of a part, the straight lines run in one direction. A facet's side and one beside it are
+/// a straight line and its bent diagonal if the facets at the one and at the other bend in opposite ways, and
+/// if the cosine of the angle between the two is larger than this.
 const BESIDE: f64 = 0.9;
+/// Of a diagonal and the straight line beside it ([`BESIDE`]), the straight line continues within the surface
+/// with less than this share of the turn of the diagonal.
 const MORE_IN_LINE: f64 = 0.5;
 
 /// One end of a side that may be straight.
@@ -58,8 +67,8 @@ pub(super) struct SideEnd {
     side: usize,
 }
 
-/// Turns normals at the ends of straight sides to a right angle with them. Returns the vertices whose side is much longer than all
-/// others there, so that it is known better than their narrow facets.
+/// Turns normals at the ends of straight sides to a right angle with them. Returns the vertices whose side is
+/// much longer than all others there: such a normal is known better than the narrow facets show it.
 pub(super) fn straighten(mesh: &mut SmoothMesh, mut straight: Vec<SideEnd>) -> Vec<u32> {
     // The longest side of a vertex comes first.
     straight.sort_by(|one, other| {
@@ -112,8 +121,8 @@ fn is_convex(mesh: &SmoothMesh, side: usize) -> bool {
     facet_normal(corners).dot(&(apex - corners[side % 3])) < 0.0
 }
 
-/// By how much a side turns within the surface at both of its ends, where it goes on to the next vertices most nearly straight ahead, as
-/// the sum of two sines; an end at which it does not go on adds nothing.
+/// By how much a side turns within the surface at both of its ends, as the sum of two sines. It continues to
+/// the next vertices most nearly straight ahead; an end at which it does not continue adds nothing.
 fn turns_aside(mesh: &SmoothMesh, end: &SideEnd) -> f64 {
     let corners = mesh.triangles[end.side / 3];
     let ends = [corners[end.side % 3], corners[(end.side % 3 + 1) % 3]];
@@ -244,8 +253,8 @@ fn find_round(
     None
 }
 
-/// Whether any offset is wanted of those from an end of a side to the other corners of the facets round it, mm. Those nearly in
-/// the direction of the side do not count.
+/// Whether `is_wanted` is true for any offset, mm, from an end of a side to another corner of the facets
+/// round it. Offsets nearly in the direction of the side are skipped.
 fn any_aside(mesh: &SmoothMesh, end: &SideEnd, mut is_wanted: impl FnMut(Vector3<f64>) -> bool) -> bool {
     let at = mesh.positions[end.vertex as usize];
     let long = end.chord.norm();
@@ -262,7 +271,8 @@ fn is_much_longer(mesh: &SmoothMesh, end: &SideEnd) -> bool {
     !any_aside(mesh, end, |other| MUCH_LONGER * other.norm() > end.chord.norm())
 }
 
-/// Whether a side would bulge much farther than the others at an end of it, of which some lead away from it.
+/// Whether a side would bulge much farther than the others at an end of it, and some of these lead away from
+/// it.
 fn bulges_alone(mesh: &SmoothMesh, end: &SideEnd) -> bool {
     let normal = mesh.normals[end.vertex as usize];
     let (long, limit) = (end.chord.norm(), normal.dot(&end.chord).abs() / IMPLAUSIBLE);

@@ -14,9 +14,9 @@ const SAME_POINT: f64 = 0.02;
 pub(super) const LEAST_POINTS: usize = 4;
 /// Chords beside those at a vertex on which others are looked for.
 const BESIDE: usize = 3;
-/// Where arcs of different curvature meet, each cut evenly, the normals of cubics are off by a sixth of the turn between two chords. The
-/// error of the slope over a chord, root mean square, is this share of the chord times that by which the curvature beside it leaves a
-/// straight line.
+/// Where arcs of different curvature meet, each cut evenly, the normals of cubics are off by a sixth of the
+/// turn between two chords. The error of the slope over a chord, root mean square, is this many times the
+/// length of the chord times the distance of the curvature beside it from a straight line.
 const OF_JUMP: f64 = 0.25;
 /// The curvature of points that leave a straight line by less than this, mm, is that of rounded numbers.
 const NEGLIGIBLE: f64 = 1e-5;
@@ -83,9 +83,11 @@ fn over_chord(
     height.is_finite().then_some((height, normal * side))
 }
 
-/// The unit normal of a curve through points at one of them, and how far it may be off, rad: the mean of those of the cubics through it
-/// and two points before and one after it, or one before and two after, over the lengths of the chords (Floater & Surazhsky,
-/// Parameterization for curve interpolation, 2006), and half of what they differ by. At an end, the cubic and the parabola.
+/// The unit normal of a curve through points at one of them, and how far it may be off, rad. The normal is
+/// the mean of the normals of two cubics: one through the point, two points before and one after it, and one
+/// through one point before and two after it, over the lengths of the chords (Floater & Surazhsky,
+/// Parameterization for curve interpolation, 2006). It may be off by half of their difference. At an end, the
+/// cubic and the parabola are used.
 fn normal_at(points: &[Point3<f64>], axis: Vector3<f64>, at: usize, is_closed: bool) -> (Vector3<f64>, f64) {
     let count = points.len();
     let tangent = |first: usize, length: usize| {
@@ -131,7 +133,7 @@ impl PlaneCurve {
         curve
     }
 
-    /// The point so many points after another one.
+    /// The point that is `by` points after the point `at`.
     pub(super) fn around(&self, at: usize, by: isize) -> Option<usize> {
         let count = self.points.len() as isize;
         let moved = at as isize + by;
@@ -250,7 +252,8 @@ impl PlaneCurve {
         (points.len() >= LEAST_POINTS).then(|| (Self::through(points, self.axis, self.is_closed), ats))
     }
 
-    /// With vertices whose places on another curve are known, as those of its points are; `None` if one is not on this curve.
+    /// With vertices whose places on another curve are known, and that are points of it; `None` if one is not
+    /// on this curve.
     pub(super) fn with_places(
         self,
         known: &BTreeMap<u32, Place>,

@@ -81,9 +81,10 @@ impl PlaneFacets {
         self.with(triangle).nth(2).is_some()
     }
 
-    /// For each vertex of the mesh, whether it is a vertex of one facet only: where a hole is cut into a mesh, its vertices are on the
-    /// facets, and not on the part from which these were cut. A sliver has no plane, unless a larger triangle has the same: the needles
-    /// to the tip of a cone are as narrow as slivers there, and of its facets.
+    /// For each vertex of the mesh, whether it is a vertex of one facet only. Where a hole is cut into a
+    /// mesh, its vertices are on the facets, and not on the part from which these were cut. A sliver has no
+    /// plane, unless a larger triangle has the same: the needles to the tip of a cone are as narrow as
+    /// slivers there, and belong to its facets.
     pub(super) fn only_one(&self, mesh: &SmoothMesh) -> Vec<bool> {
         let mut first = vec![None; mesh.positions.len()];
         let mut is_of_one = vec![true; mesh.positions.len()];

@@ -1,8 +1,9 @@
-//! Plane polygons, divided into triangles that are as wide as can be.
+//! Plane polygons, divided into triangles that are as wide as possible.
 //!
-//! Programs cut polygons with many corners, as those at the poles of balls that a hull joins, into needles from one end to the other.
-//! What is estimated from the triangles round a vertex then follows from how the polygon was cut. Sides are turned until each
-//! triangle is that of Delaunay (C. L. Lawson, Software for C¹ surface interpolation, Mathematical Software III, 1977).
+//! Some programs cut polygons with many corners into needles from one end to the other, as at the poles of
+//! balls that a hull joins. Estimates from the triangles round a vertex then depend on how the polygon was
+//! cut. Sides are turned until each triangle is that of Delaunay (C. L. Lawson, Software for C¹ surface
+//! interpolation, Mathematical Software III, 1977).
 
 use nalgebra::{Point3, Vector3};
 
@@ -13,7 +14,7 @@ use crate::geometry::fork::{Fork, found};
 /// A side is turned if the angles opposite to it sum up to half a turn and more than this, rad: the corners of a rectangle, and of
 /// others on one circle, may be joined either way.
 const NOTABLE: f64 = 0.02;
-/// Sides are turned so many times for each triangle, at most: that takes little time, and polygons need fewer.
+/// Sides are turned at most this many times per triangle, which limits the time; polygons need fewer turns.
 const MOST_TURNS: usize = 8;
 
 /// Triangles over `positions`, with the places of their corners and, for each side, the one that it faces.

@@ -4,10 +4,12 @@ use nalgebra::{Point3, Vector3};
 
 use super::plane_curve::{LEAST_POINTS, OF_OFF, Place, PlaneCurve};
 
-/// On a smooth curve the curvature at a point leaves a straight line between those beside it by less than this share. Where an arc begins,
-/// it is a quarter and a half, and half at both ends of an arc that is cut into one facet between straight lines.
+/// On a smooth curve, the curvature at a point leaves a straight line between the curvatures beside it by
+/// less than this share. Where an arc begins, the shares are a quarter and a half. At both ends of an arc
+/// that is cut into one facet between straight lines, they are a half.
 const SMOOTH: f64 = 0.2;
-/// The error of the slope between points that are off, as a share of how far they are off over the length of the chord.
+/// The error of the slope between points that are off, as a share of their distance off divided by the length
+/// of the chord.
 const OF_DEVIATION: f64 = 2.0;
 
 /// Where a ring of vertices crosses the profile of a turned face.

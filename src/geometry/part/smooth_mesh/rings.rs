@@ -10,15 +10,17 @@ use super::profile::RingPlace;
 use crate::geometry::adjacency::NONE;
 use crate::geometry::shape_fit::cross_directions;
 
-/// A ring has so many vertices, at least, unless it is a single one on the axis: three define a circle, the others confirm it; …
+/// A ring has at least this many vertices, unless it is a single vertex on the axis: three vertices define a
+/// circle, the others confirm it.
 pub(super) const LEAST_ON_RING: usize = 6;
-/// … and a turned face so many rings.
+/// A turned face has at least this many rings.
 pub(super) const LEAST_RINGS: usize = 5;
-/// Rings beside one of a profile, at most.
+/// At most this many rings are beside a ring of a profile.
 pub(super) const MOST_BESIDE: usize = 12;
-/// At most this share of the rings beside those of a profile is not of it.
+/// At most this share of the rings beside those of a profile belongs to other profiles.
 const MOST_OF_OTHERS: f64 = 0.1;
-/// Axes that differ by less than this, as a sine and as a share of their distance, are tried once.
+/// Axes that differ by less than this are tried once; as the sine of their angle, and as a share of their
+/// distance.
 const SAME_AXIS: f64 = 0.01;
 
 /// The axis of a turned face.
@@ -195,9 +197,10 @@ fn smooth_pieces(points: &[[f64; 2]], mut order: Vec<usize>, is_closed: bool) ->
     pieces
 }
 
-/// The curves on which points are that follow each other, each in its order, and whether it is closed. Of the points `beside` one and
-/// beside these, those follow it to which no other is nearer than both are to each other (Toussaint, The relative neighbourhood graph of
-/// a finite planar set, 1980). Where more than two follow, they are on no curve.
+/// The curves on which points follow each other: each with its points in order, and whether it is closed. Of
+/// the points `beside` a point, and beside these, a point follows it if no third point is nearer to both than
+/// they are to each other (Toussaint, The relative neighbourhood graph of a finite planar set, 1980). A point
+/// with more than two followers is on no curve.
 pub(super) fn curves(points: &[[f64; 2]], beside: &[BTreeSet<usize>]) -> Vec<(Vec<usize>, bool)> {
     let apart = |one: usize, other: usize| {
         (points[one][0] - points[other][0]).hypot(points[one][1] - points[other][1])

@@ -1,9 +1,10 @@
 //! Whether the vertices of a shallow face show one cylinder alone.
 //!
-//! An ellipse is the outline of a piece of either of two surfaces: of a cylinder about one of its axes, and nearly of another one about
-//! the other axis, which is hollow where the first is not; so it is where the outline is nearly an ellipse, as that of a stadium or of a
-//! rectangle whose facets show its corners alone. Where a face is divided only at its outline, nothing but how well its vertices are on them
-//! tells which it is. What files round off may leave no difference.
+//! An ellipse is the outline of a piece of either of two surfaces. One is a cylinder about one axis of the
+//! ellipse. The other is nearly a cylinder about the other axis, and it is hollow where the first is not. An
+//! outline that is nearly an ellipse has two surfaces as well: that of a stadium, or of a rectangle whose
+//! facets show only its corners. Where a face is divided only at its outline, its surface is the one that is
+//! nearer to the vertices. Rounding in files may leave no difference between the two.
 
 use nalgebra::{Matrix2, Point3, SMatrix, SVector, Unit, Vector3, center};
 
@@ -14,15 +15,17 @@ use crate::geometry::shape_fit::cross_directions;
 
 /// A face turns by at most this to either side of its middle, rad, if it is shallow.
 pub(super) const SHALLOW: f64 = 0.35;
-/// Of two surfaces through the same points, one is meant if they are on average so many times as far from the other.
+/// Of two surfaces through the same points, one is clearly nearer if the other is on average more than this
+/// many times as far from the points.
 const CLEARLY: f64 = 4.0;
 /// What a fit leaves of points that are on a surface, mm.
 const FITTED: f64 = 1e-8;
 /// Surfaces that lean from one another by less than this at all points, rad, are one.
 const SAME: f64 = 1e-4;
-/// Points of which a cylinder is fitted, at most.
+/// A cylinder is fitted to at most this many points.
 const MOST_POINTS: usize = 400;
-/// What points show of a paraboloid by less than this share of what they show best, they do not show.
+/// A parameter of a paraboloid is not determined if the points show it by less than this share of the
+/// parameter that they show best.
 const DETERMINED: f64 = 1e-7;
 
 /// What else than a given surface some vertices show.
@@ -69,8 +72,9 @@ pub(super) fn squares(round: &Round, points: &[Point3<f64>]) -> f64 {
     points.iter().map(|at| round.distance(at).powi(2)).sum()
 }
 
-/// The shallow cylinders on which all points are within `near`, mm, of a face whose facets have a mean normal. Those that run down to the
-/// points beside it, as one through the two ends of a narrow face does, are none.
+/// The shallow cylinders on which all points of a face are, within `near`, mm; the facets of the face have a
+/// mean normal. Cylinders that run down to the points beside it are excluded, for example one through the two
+/// ends of a narrow face.
 pub(super) fn cylinders(points: &[Point3<f64>], normal: Vector3<f64>, near: f64) -> Vec<Round> {
     let is_shallow =
         |round: &Round| points.iter().all(|at| round.outward(at).dot(&normal).abs() >= SHALLOW.cos());

@@ -6,17 +6,21 @@ use crate::geometry::cone::Cone;
 use crate::geometry::cylinder::Cylinder;
 use crate::geometry::shape_fit::{self, cross_directions};
 
-/// The normals of facets on a cylinder leave the plane across its axis by at most this share of what they turn in it.
+/// The normals of facets on a cylinder leave the plane across its axis by at most this share of their turn in
+/// that plane.
 const LEAVES: f64 = 0.1;
-/// Those on a cone leave the plane of their circle by at most this share of what the circle leaves a straight line.
+/// The normals of facets on a cone leave the plane of their circle by at most this share of the distance
+/// between the circle and a straight line.
 const OF_BEND: f64 = 0.3;
-/// More than the rounding of a product of eigenvalues, as a share of that of their sums.
+/// More than the rounding error of a product of eigenvalues, as a share of the product of their sums.
 const ROUNDING: f64 = 1e-13;
 /// Facets that turn by less than this, rad, show no axis.
 const LEAST_TURN: f64 = 0.01;
-/// After each of the first steps of a fit, points that are on a cylinder are within what they may be off and so many times what the
-/// step neglects: most strips of other surfaces are dropped after one.
+/// Points are compared with the cylinder after each of this many first steps of a fit. Most strips of other
+/// surfaces are dropped after one step.
 const FIRST_STEPS: usize = 3;
+/// After a first step of a fit, the distance of points on a cylinder from it is at most their tolerance plus
+/// this many times the error that the step neglects.
 const NEGLECTED: f64 = 10.0;
 
 /// The plane of a facet.
@@ -50,7 +54,7 @@ impl Camber {
 }
 
 impl Round {
-    /// The cylinder on which the points are, within `near`, mm, and to which facets with these planes belong.
+    /// The cylinder that has all points on it, within `near`, mm, and facets with these planes.
     pub(super) fn cylinder(
         planes: &[Plane],
         points: impl FnOnce() -> Vec<Point3<f64>>,
@@ -93,8 +97,8 @@ impl Round {
         points.iter().all(|point| found.distance(point).abs() <= near).then_some(Self::Cylinder(found))
     }
 
-    /// The cone from which a fit to facets with these planes may begin: with the axis of the circle on which the normals of a cone
-    /// are, and the point in which its tangent planes meet.
+    /// The cone from which a fit to facets with these planes may begin. Its axis is that of the circle on
+    /// which the normals of a cone are, and its apex is the point in which the tangent planes meet.
     pub(super) fn start_of_cone(planes: &[Plane]) -> Option<Cone> {
         let count = planes.len() as f64;
         let mean = planes.iter().map(|plane| plane.normal).sum::<Vector3<f64>>() / count;
@@ -180,9 +184,9 @@ impl Round {
         }
     }
 
-    /// How far its points would be from any cylinder or cone, root mean square, mm, if its lines were arcs of a curvature, rad/mm,
-    /// instead: those of a barrel, or all of them bent one way, as along a ring; whichever the points show less. A bend is
-    /// measured along the normals.
+    /// How far its points would be from any cylinder or cone, root mean square, mm, if its lines were arcs of
+    /// a curvature, rad/mm. The arcs are those of a barrel, or all of them bend one way, as along a ring; the
+    /// one that the points show less is used. A bend is measured along the normals.
     pub(super) fn shown_bend(&self, points: &[Point3<f64>], curvature: f64) -> f64 {
         let count = points.len().max(1) as f64;
         let middle = points.iter().map(|point| self.along(point)).sum::<f64>() / count;
@@ -212,7 +216,7 @@ impl Round {
                 shape_fit::left_after_fit(points, |point| distance_of(point).1, bends)
             }
         };
-        // Of a bend one way, what it moves the points by in the root mean square counts.
+        // For a bend in one direction, the root mean square of the movement of the points matters.
         let moved = points.iter().map(normal).map(|normal| normal * normal.transpose());
         let moved = moved.sum::<Matrix2<f64>>() / count;
         let one_way = left.fixed_view::<2, 2>(1, 1).into_owned();
@@ -235,10 +239,11 @@ impl Round {
     }
 }
 
-/// The roots of the eigenvalues of a matrix in ascending order, and the direction of the first; `None` where its invariants show
-/// that the first is more than this share of the second.
+/// The roots of the eigenvalues of a matrix in ascending order, and the direction of the first. `None` if the
+/// invariants of the matrix show that the first is more than this share of the second.
 ///
-/// For eigenvalues a = r·b ≤ b ≤ c, ab + bc + ca is at least (1 + r)·bc, and so abc·(a + b + c) at most 1 − (1 + r)⁻² times its square.
+/// For eigenvalues a = r·b ≤ b ≤ c, ab + bc + ca is at least (1 + r)·bc, and so abc·(a + b + c) at most 1 −
+/// (1 + r)⁻² times its square.
 pub(super) fn principal(spread: Matrix3<f64>, share: f64) -> Option<([f64; 3], Unit<Vector3<f64>>)> {
     let minor = |one: usize, two: usize| {
         spread[(one, one)] * spread[(two, two)] - spread[(one, two)] * spread[(two, one)]
@@ -266,13 +271,13 @@ fn neglected(points: &[Point3<f64>], from: &Cylinder, to: &Cylinder) -> f64 {
     points.iter().map(past).fold(0.0, f64::max) / (2.0 * from.radius.min(to.radius))
 }
 
-/// The cylinder nearest to the points, from one that is close to them, in at most so many steps.
+/// The cylinder nearest to the points, in at most `steps` steps from `start`, which is close to the points.
 fn fitted_cylinder(steps: usize, points: &[Point3<f64>], start: Cylinder) -> Cylinder {
     shape_fit::fitted(steps, points, start, Cylinder::distances_and_derivatives, Cylinder::moved)
 }
 
-/// The cone nearest to the points, which may be off by `near`, mm, from one that is close to them. A point at its apex, from which
-/// distances have no derivatives, stays there.
+/// The cone nearest to the points, which may be off by `near`, mm, from one that is close to them. A point at
+/// its apex stays there, because distances have no derivatives at the apex.
 fn fitted_cone(points: &[Point3<f64>], start: Cone, near: f64) -> Cone {
     let is_at_apex = |point: &&Point3<f64>| (*point - start.apex).norm() <= near;
     let Some(&apex) = points.iter().find(is_at_apex) else {

@@ -1,9 +1,11 @@
-//! How far vertices are from the surface through their neighbours, on meshes whose vertices are not on the part.
+//! How far vertices are from the surface through their neighbours, on meshes whose vertices are not on the
+//! part.
 //!
-//! Decimation by quadric errors (Garland & Heckbert, Surface simplification using quadric error metrics, SIGGRAPH 1997), as in
-//! Blender's modifier, moves the vertices that it leaves off the part; their heights above it differ by about a fifth of the
-//! height of an arc over an edge. Such vertices scatter independently of one another. Curvature that a mesh is too coarse for also
-//! makes vertices seem too high or too low, but steadily from neighbour to neighbour.
+//! Decimation by quadric errors (Garland & Heckbert, Surface simplification using quadric error metrics,
+//! SIGGRAPH 1997), as in Blender's modifier, moves the remaining vertices off the part. Their heights above
+//! it differ by about a fifth of the height of an arc over an edge. Such vertices scatter independently of
+//! one another. If a mesh is too coarse for the curvature, vertices also seem too high or too low, but
+//! steadily from neighbour to neighbour.
 
 use super::SmoothMesh;
 use crate::geometry::adjacency::Neighbours;

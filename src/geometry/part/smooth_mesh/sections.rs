@@ -72,8 +72,9 @@ impl Facets<'_> {
         true
     }
 
-    /// Visits the pieces of `most` facets, in the plane through a point at right angles to `across`, from another point of it,
-    /// on a side, into the side's triangle and on; whether there are more.
+    /// Visits the pieces of `most` facets in the plane through a point at right angles to `across`. It starts
+    /// from another point of that plane on a side, and goes into the side's triangle and on. Returns whether
+    /// there are more.
     fn follow(
         &self,
         [through, mut from]: [Point3<f64>; 2],
@@ -86,7 +87,7 @@ impl Facets<'_> {
             let corners = self.corners(side / 3);
             let off = corners.map(|point| (point - through).dot(&across));
             let [entry, next, apex] = [0, 1, 2].map(|turn| (side + turn) % 3);
-            // The section leaves through the side whose ends lie on different sides of the plane.
+            // The section leaves through the side whose ends are on different sides of the plane.
             let leaves = if (off[apex] > 0.0) == (off[entry] > 0.0) { next } else { apex };
             let (one, other) = (leaves, (leaves + 1) % 3);
             let whole = off[one] - off[other];

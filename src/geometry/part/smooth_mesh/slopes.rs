@@ -33,33 +33,35 @@ use crate::geometry::space::Extents;
 /// The error of the slope over a side, root mean square, as a share of the error of the normal at one of its ends: the slope
 /// of a cubic is (1 − s)(1 − 3s) times that error at the share s of the side.
 const OF_LEAN: f64 = 0.5;
-/// The same for normals of the file, which are exact: their uneven leans only show that the curvature changes along the side.
+/// The same share as [`OF_LEAN`] for normals of the file, which are exact: their uneven leans only show that
+/// the curvature changes along the side.
 const OF_EXACT_LEAN: f64 = 0.25;
 /// The error of the slope over a triangle as a share of the slope from one vertex to another that both are too high or too low.
 const OF_SCATTER: f64 = 1.0;
-/// The same with exact normals: their vertices are on the part, and what seems to be scatter is curvature that the mesh is too
-/// coarse for.
+/// The same share as [`OF_SCATTER`] with exact normals: their vertices are on the part. What seems to be
+/// scatter is curvature that the mesh is too coarse to show.
 const OF_EXACT_SCATTER: f64 = 0.2;
-/// Larger standard deviations of the rounding, mm, are those of models whose vertices are on whole numbers; this is beyond that of
-/// a hundredth of an inch.
+/// Rounding with a standard deviation of at least this, mm, is not taken into account: vertices of such
+/// models are on whole numbers. The limit is above the deviation of coordinates in hundredths of an inch.
 const MOST_ROUNDING: f64 = 0.08;
 /// The error of the slope over a triangle in terms of that which the rounding of its corners has on average.
 const OF_ROUNDING: f64 = 1.4;
 /// The error of the slope over a triangle as a share of the standard deviation of the normals at its corners.
 const OF_NORMALS: f64 = 0.6;
-/// The share on turned parts: the error is that of the slope along the profile only.
+/// The same share as [`OF_LEAN`] on turned parts: only the slope along the profile has an error.
 const OF_TURNED_LEAN: f64 = 0.27;
-/// The same for normals of the file.
+/// The same share as [`OF_TURNED_LEAN`] for normals of the file.
 const OF_EXACT_TURNED_LEAN: f64 = 0.16;
-/// The error over a chord that no other continues, as a share of what the normals turn along it: twice that of a curve of the fourth
-/// power from its vertex on, which has the normals of an arc at both ends of a symmetric chord.
+/// The error over a chord that no other continues, as a share of the turn of the normals along it. It is
+/// twice the error of a curve of the fourth power from its vertex on, which has the normals of an arc at both
+/// ends of a symmetric chord.
 const OF_LONE_CHORD: f64 = 0.07;
 /// A side is straight where the normals at its ends lean from it by at most this share of the angle between them.
 const OF_TWIST: f64 = 0.1;
 /// The root mean square of a parabola that is 1 at its top and 0 at both ends.
 const OF_PARABOLA: f64 = 0.73;
-/// A triangle belongs to a turned part if along one of its sides, as on a ring, the normals lean by at most this share of the
-/// largest lean.
+/// A triangle belongs to a turned part if the normals lean along one of its sides, which is on a ring, by at
+/// most this share of the largest lean.
 const OF_RINGS: f64 = 0.1;
 /// Curves are compared with the sides that they cross at these shares of both: the error of a patch is largest at the middle of a
 /// side.
@@ -69,10 +71,11 @@ const RULING: f64 = 0.05;
 /// Leans are compared between sides whose lengths differ by at most this factor.
 const MOST_LONGER: f64 = 2.0;
 
-/// Slopes are those of lines of about this length, mm, at least. Part and patch are both near their facet, so that over a line the
-/// slopes of the two differ by at most four times as much as the patch bends and the vertices are off, divided by its length;
-/// slivers that are narrower than the line, as at the pole of a ball, have steep patches over next to nothing. What the patches of
-/// such slivers disagree about is at most as high as the disagreement times the width.
+/// Slopes are those of lines of at least about this length, mm. Part and patch are both near their facet. So
+/// over a line, the slopes of the two differ by at most four times the bend of the patch and the error of the
+/// vertices, divided by the length of the line. Slivers that are narrower than the line, as at the pole of a
+/// ball, have steep patches over very short distances. The patches of such slivers differ in height by at
+/// most their disagreement times the width.
 const SHORTEST: f64 = 0.25;
 /// The same as a share of the diagonal of a small part, whose drawings are small.
 const SHORTEST_SHARE: f64 = 0.005;
@@ -87,13 +90,14 @@ struct Beside {
 }
 
 impl SmoothMesh {
-    /// For each triangle that faces the laser, how far the slope of the part may be from that of its curved patch, rad, root
-    /// mean square; 0 for the others. Empty if all facets are small.
+    /// For each triangle that faces the laser, how far the slope of the part may be from that of its curved
+    /// patch, rad, root mean square; 0 for the others. Empty if all facets are small.
     ///
-    /// It is the patch's [share](Self::share_of_turn) of the angle to its neighbours' at the middles of their common sides, that between the patch and
-    /// the curve that crosses there, or what the part twists by there, together with the uneven leans of normals, or what the chords
-    /// of those that are `estimated` leave open, and the `deviations` of these, rad. `hidden` are the arcs that edges
-    /// may be beside vertices that are estimated.
+    /// It is the patch's [share](Self::share_of_turn) of several angles: the angle to the patches of its
+    /// neighbours at the middles of their common sides; the angle between the patch and the curve that
+    /// crosses there, or the twist of the part there, together with the uneven leans of normals; or the error
+    /// that the chords of `estimated` normals leave open, and the `deviations` of these, rad. `hidden` are
+    /// the arcs that edges may be beside vertices that are estimated.
     pub(super) fn found_slope_doubts(
         &self,
         estimated: &[bool],
@@ -217,9 +221,10 @@ impl SmoothMesh {
         if here > there { there / (here + there) } else { 0.5 }
     }
 
-    /// Where the curve between the corners opposite to a side, in the two triangles that share it, crosses the side, as a share of
-    /// it, and the unit direction of the curve there. `None` if that is not near the middles of both, if the curve is not smooth, on strips, or
-    /// if normals of the triangles are estimated: these have larger errors, which their deviations and chords show.
+    /// Where the curve between the corners opposite to a side, in the two triangles that share it, crosses
+    /// the side, as a share of the side, and the unit direction of the curve there. `None` if that is not
+    /// near the middles of both, if the curve is not smooth, or on strips. Also `None` if normals of the
+    /// triangles are estimated: these have larger errors, which their deviations and chords show.
     fn crossing(&self, side: usize, estimated: &[bool]) -> Option<(f64, Vector3<f64>)> {
         let corner = |side: usize, next: usize| self.triangles[side / 3][(side % 3 + next) % 3] as usize;
         let other = self.continuing(side)?;
@@ -382,7 +387,8 @@ impl SmoothMesh {
         self.largest_bend(triangle) > NEGLIGIBLE_BULGE
     }
 
-    /// How far the curves of whose chords the sides of a triangle are leave them at most, mm, if they bend one way.
+    /// How far the sides of a triangle, as chords, are from their curves at most, mm, if the curves bend one
+    /// way.
     fn largest_bend(&self, triangle: usize) -> f64 {
         let (corners, normals) = self.corners(triangle);
         let squares = [0, 1, 2].map(|side| {
@@ -392,7 +398,8 @@ impl SmoothMesh {
         squares.into_iter().fold(0.0, f64::max).sqrt() / 8.0
     }
 
-    /// How far the curves of whose chords the sides of a triangle are leave them at most, mm, if they do not leave their plane.
+    /// How far the sides of a triangle, as chords, are from their curves at most, mm, if the curves do not
+    /// leave their plane.
     pub(super) fn bulge(&self, triangle: usize) -> f64 {
         let (corners, normals) = self.corners(triangle);
         let bulges = [0, 1, 2].map(|side| {
@@ -403,7 +410,7 @@ impl SmoothMesh {
     }
 }
 
-/// Whether a triangle whose normals turn by so much along its sides belongs to an extruded strip.
+/// Whether a triangle belongs to an extruded strip; its normals turn by `turns` along its sides.
 fn is_on_strip(turns: [f64; 3]) -> bool {
     let largest = turns.into_iter().fold(0.0, f64::max);
     turns.into_iter().any(|turn| turn <= RULING * largest)

@@ -1,8 +1,10 @@
-//! Normals of vertices that are on one sphere, as those of a ball cap on a shaft.
+//! Normals of vertices that are on one sphere, for example on a ball cap on a shaft.
 //!
-//! Two rows of vertices round an axis are on a sphere on many surfaces, but not all vertices that surround another one in two rows:
-//! where these are on one sphere, to within what files state of them, and so are others that can be reached from there, it is that of
-//! the part. Of a small cap, some of them are at its rim. A plane polygon with its vertices on a sphere is a flat side that is cut from it.
+//! On many surfaces, two rows of vertices round an axis are on a sphere. All vertices that surround another
+//! vertex in two rows are on one sphere only if the part has a sphere there. They must be on it to within the
+//! precision of the file, and so must others that can be reached from there. At a small cap, some of the
+//! surrounding vertices are at its rim. A plane polygon with its vertices on a sphere is a flat side that is
+//! cut from the sphere.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -19,36 +21,41 @@ use crate::geometry::fork::{Fork, join};
 use crate::geometry::shape_fit::cross_directions;
 use crate::geometry::sphere::Sphere;
 
-/// The vertices round a first one in two rows are at least so many, …
+/// A sphere is fitted at a vertex only if at least this many vertices surround it in two rows.
 const LEAST_VERTICES: usize = 12;
-/// … at so many distances from it where some of them are at a rim, as those of a small cap: a profile with its axis has a sphere through
-/// one more vertex, …
+/// Where some of the vertices that surround a first one are at a rim, they show a sphere only if they have at
+/// least this many different distances from it. A small cap has such a rim. Fewer are not enough, because a
+/// sphere through one more vertex fits any profile with its axis.
 const LEAST_ROWS: usize = 3;
-/// … which differ by more than this share, …
+/// Two distances from a vertex are different if they differ by more than this share.
 const SAME_ROW: f64 = 0.05;
-/// … and leave their tangent plane by so many times what a vertex may be off.
+/// Vertices show a sphere only if they leave its tangent plane by at least this many times the tolerance of a
+/// vertex (`near`). A flat side is cut from a sphere only if it leaves the sphere by more than this many
+/// times the same tolerance.
 const LEAST_BULGE: f64 = 50.0;
-/// A sphere has so many facets, at least.
+/// A sphere has at least this many facets.
 const LEAST_TRIANGLES: usize = 16;
-/// A plane polygon with its vertices on a sphere is a flat side, unless it leaves the sphere as far as the facets beside it, to within
-/// this share: the polygons at the poles of some balls do.
+/// A plane polygon with its vertices on a sphere is a flat side only if it leaves the sphere by a distance
+/// that differs by more than this share from that of the facets beside it. The polygons at the poles of some
+/// balls leave it equally far.
 const AS_FAR: f64 = 0.01;
-/// Such a polygon fills at least this share of the circle in which its plane cuts the sphere: facets that are in one plane by chance are
-/// two triangles with slivers beside them.
+/// A flat side fills at least this share of the circle in which its plane cuts the sphere. Facets that are in
+/// one plane by chance are two triangles with slivers beside them.
 const FULL: f64 = 0.7;
-/// Its corners leave its plane by at most this share of what it leaves the sphere: each facet of a fine fan is in one plane with the next.
+/// The corners of a flat side leave its plane by at most this share of the distance by which the plane leaves
+/// the sphere. In a fine fan, each facet is nearly in one plane with the next.
 const PLANE: f64 = 0.1;
 /// The normals of facets differ from that of the sphere by at most this, rad.
 const LEAN: f64 = 0.4;
-/// Normals of the file that differ from that of the sphere by less than this, rad, are as exact; …
+/// Normals of the file that differ from the normal of the sphere by less than this, rad, are as exact as it.
 const EXACT: f64 = 1e-3;
-/// … those that differ by more than this are not meant for it.
+/// Normals of the file that differ from the normal of the sphere by more than this, rad, do not belong to it.
 const MOST_OFF: f64 = 0.06;
-/// Triangles are looked at so many times on average, at most.
+/// At most this many looks per triangle on average.
 const MOST_VISITS: usize = 4;
-/// Facets to which a sphere is fitted, at most.
+/// A sphere is fitted to at most this many facets.
 const MOST_FITTED: usize = 400;
-/// Rounds in which a sphere is fitted to the facets that it has gained.
+/// A sphere is fitted again to the facets that it has gained in at most this many rounds.
 const ROUNDS: usize = 4;
 
 /// What a search has looked at.
@@ -84,10 +91,11 @@ impl Surface for Ball<'_> {
     }
 }
 
-/// Replaces normals that are `estimated` by those of the spheres that their vertices show, as exact as those of a file: they are not
-/// estimated any more, and have no `deviations`. So are those of the file that are nearly right, as averages of the facets round a
-/// vertex are. `is_round` are the triangles whose normals are known. At an edge that the facets beyond show, the sphere gets vertices of
-/// its own. Returns the edges of flat sides that are cut from the spheres, in ascending order.
+/// Replaces normals that are `estimated` by the normals of the spheres that their vertices show. They are as
+/// exact as those of a file, are not estimated any more, and have no `deviations`. Normals of the file that
+/// are nearly right, as averages of the facets round a vertex are, are replaced in the same way. `is_round`
+/// are the triangles whose normals are known. At an edge that the facets beyond show, the sphere gets
+/// vertices of its own. Returns the edges of flat sides that are cut from the spheres, in ascending order.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     estimated: &mut Vec<bool>,
@@ -371,7 +379,8 @@ impl<'s, 'm> FlatSides<'s, 'm> {
     }
 }
 
-/// The sphere of a vertex and those round it in two rows, which have so many distances from it.
+/// The sphere of a vertex and of the vertices round it in two rows, if these have at least `rows` different
+/// distances from it.
 fn ball_at(mesh: &SmoothMesh, around: &Neighbours, vertex: usize, near: f64, rows: usize) -> Option<Sphere> {
     let mut vertices: Vec<u32> = around
         .of_vertex(vertex)

@@ -8,7 +8,7 @@ use crate::geometry::adjacency::{NONE, Neighbours};
 /// No side continues one where the cosine of their angle in the tangent plane is above this.
 pub(super) const STRAIGHT: f64 = -0.95;
 
-/// Vertices with more neighbours, as the middle of a fan, are not looked at before they are asked for.
+/// Vertices with more neighbours, as the middle of a fan, are processed only when needed.
 const MOST_NEIGHBOURS: usize = 64;
 
 /// For each side of a mesh, the one that continues it best at either end.

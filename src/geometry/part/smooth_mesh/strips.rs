@@ -1,8 +1,9 @@
-//! Normals and doubts of extruded strips, as of the round side of an oval can, by the strip alone.
+//! Normals and doubts of extruded strips, for example of the round side of an oval can, from the strip alone.
 //!
-//! All facets of an extruded strip contain one direction, that of its rulings. What its vertices show of the plane curve across them
-//! is disturbed by the facets beyond its ends: the vertices of a fillet follow each other in uneven steps. Where these confirm that
-//! the strip ends there (`ends`), it is estimated as if it had no neighbours, and its normals are at right angles to its rulings.
+//! All facets of an extruded strip contain one direction, that of its rulings. The facets beyond its ends
+//! disturb what its vertices show of the plane curve across them: the vertices of a fillet follow each other
+//! in uneven steps. If these facets confirm that the strip ends there (`ends`), it is estimated as if it had
+//! no neighbours, and its normals are at right angles to its rulings.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -18,21 +19,26 @@ use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
 use crate::geometry::disjoint_sets::DisjointSets;
 use crate::geometry::fork::{Fork, found, look_ahead};
 
-/// Sides are parallel where their ends are off by at most so many times what vertices may be off, and they lean by less than
-/// the second, rad. Facets whose normals leave a right angle with the rulings by less contain them.
+/// Sides are parallel only if their ends are off by at most this many times the tolerance of a vertex
+/// (`near`). [`CONTAINS`] limits their angle as well.
 const OFF: f64 = 4.0;
+/// Parallel sides lean by at most this from each other, rad. Facets contain the rulings if the angle between
+/// their normals and the rulings differs from a right angle by less than this, rad.
 const CONTAINS: f64 = 1e-3;
-/// Any facets that meet have one ruling; by chance, so many in a row are not parallel.
+/// At least this many parallel rulings in a row show a strip. Any two facets that meet have one ruling, but
+/// this many in a row are not parallel by chance.
 const LEAST_RULINGS: usize = 5;
-/// Facets that turn by less than this between two rulings, rad, show nothing: on fine meshes, sides beside each other are parallel.
+/// Facets that turn by less than this between two rulings, rad, show nothing: on fine meshes, neighbouring
+/// sides are parallel.
 const LEAST_TURN: f64 = 0.02;
 /// Facets that turn by less than this, rad, are in one plane.
 const COPLANAR: f64 = 1e-3;
-/// Facets looked at on either side of a first ruling, at most.
+/// At most this many facets are looked at on either side of a first ruling.
 const MOST_STEPS: usize = 6 * LEAST_RULINGS;
-/// The same for all rulings.
+/// At most this many facets are looked at for all rulings together.
 const MOST_STEPS_IN_ALL: usize = 1_000_000;
-/// Triangles that are looked at for all strips, at most: strips of more are fine, and estimated well with their neighbours.
+/// At most this many triangles are looked at for all strips together. Strips of more triangles are fine, and
+/// their neighbours are enough to estimate their normals well.
 const MOST_VISITS: usize = 20_000;
 
 /// Replaces normals that are `estimated` at the vertices of extruded strips, and their `deviations`; `is_round` are the triangles
@@ -178,9 +184,9 @@ struct Search<'a> {
     mesh: &'a SmoothMesh,
     /// Vertices are off by at most this, mm.
     near: f64,
-    /// Facets that may still be looked at for rulings, …
+    /// How many facets may still be looked at for rulings.
     steps: usize,
-    /// … and triangles for strips.
+    /// How many triangles may still be looked at for strips.
     visits: usize,
 }
 
@@ -205,8 +211,9 @@ impl Search<'_> {
         (axis, triangles)
     }
 
-    /// Removes the triangles, given in ascending order, that reach farther along the rulings than any of these: a facet of a fillet may
-    /// continue one of the strip by chance. A needle of a plane polygon of which most reaches farther is no facet of the strip.
+    /// Removes the triangles, given in ascending order, that reach farther along the rulings than any of
+    /// these: a facet of a fillet may continue one of the strip by chance. A needle of a plane polygon is not
+    /// a facet of the strip if most of it reaches farther.
     fn trim(&self, triangles: &mut Vec<usize>, axis: Vector3<f64>) {
         let along = |point: &Point3<f64>| point.coords.dot(&axis);
         let sides = triangles.iter().flat_map(|&triangle| 3 * triangle..3 * triangle + 3);
@@ -316,7 +323,7 @@ impl Search<'_> {
         found
     }
 
-    /// Whether a triangle is of a strip, beside one of which the normal is given.
+    /// Whether a triangle belongs to a strip; `beside` is the normal of a triangle of the strip beside it.
     fn contains(&self, triangle: usize, direction: Vector3<f64>, beside: Vector3<f64>) -> bool {
         let normal = self.normal(triangle);
         normal.dot(&direction).abs() < CONTAINS

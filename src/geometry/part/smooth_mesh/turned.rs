@@ -1,9 +1,10 @@
-//! Normals of turned faces whose profile is a free curve, as of a bracelet or a thermos flask.
+//! Normals of turned faces whose profile is a free curve, for example of a bracelet or a thermos flask.
 //!
-//! The vertices of a turned face are on rings: circles about one axis. Programs stagger the rings, so that a chord along the profile
-//! skips every second one, and the facets round a vertex show little of the profile between them. All rings together are points of
-//! one plane curve, and show its normals far better. It is used where its curvature changes evenly, and leaves less in doubt than the
-//! facets do: where arcs begin, and where one is cut into a single facet, the facets know as much.
+//! The vertices of a turned face are on rings: circles about one axis. Programs stagger the rings. A chord
+//! along the profile then skips every second ring, and the facets round a vertex show little of the profile
+//! between its ends. All rings together are points of one plane curve and show its normals far better. The
+//! profile is used where its curvature changes evenly and where it leaves less doubt than the facets do.
+//! Where arcs begin, and where an arc is cut into a single facet, the facets show as much.
 
 use std::collections::BTreeSet;
 
@@ -19,30 +20,35 @@ use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours};
 use crate::geometry::fork::Fork;
 
-/// A turned face has so many facets, at least: by chance, not all of so many are on rings.
+/// A turned face has at least this many facets: this many are not all on rings by chance.
 const LEAST_TRIANGLES: usize = 40;
-/// Rings with fewer than this share of the vertices of the largest one show nothing of the profile by themselves.
+/// A ring with fewer than this share of the vertices of the largest ring shows nothing of the profile by
+/// itself.
 const SHORT_RING: f64 = 0.2;
-/// Rings are cut into even sectors: the sides on both sides of a vertex differ by at most this share.
+/// Rings are cut into even sectors: the two sides at a vertex of a ring differ in length by at most this
+/// share.
 const EVEN: f64 = 1e-3;
-/// The middle vertex of three on a ring leaves the line through the others by so many times what a vertex may be off, at least.
+/// The middle one of three vertices on a ring leaves the line through the others by at least this many times
+/// the tolerance of a vertex (`near`).
 const LEAST_BULGE: f64 = 20.0;
-/// Normals at three vertices of a ring pass the axis within this angle, as a sine, and their parts along it differ by at most the
-/// second.
+/// The normals at three vertices of a ring pass the axis within this angle, as a sine.
 const MEETS_AXIS: f64 = 0.05;
+/// The components along the axis of the unit normals at three vertices of a ring differ by less than this.
 const LIKE: f64 = 0.02;
-/// In the steps in which an axis is fitted, vertices on a ring are apart by at most so many times what they may be off.
+/// The steps in which an axis is fitted: in each, vertices on one ring are apart by at most this many times
+/// the tolerance of a vertex (`near`).
 const APART: [f64; 3] = [20.0, 4.0, 2.0];
-/// Axes that are tried for one face, and triangles whose vertices are looked at for axes, at most.
+/// At most this many axes are tried for one face.
 const MOST_AXES: usize = 8;
+/// Axes are searched at the vertices of at most this many triangles of one face.
 const MOST_STARTS: usize = 200;
-/// Neighbours of a vertex that are looked at, at most.
+/// Axes are searched among at most this many neighbours of a vertex.
 const MOST_NEIGHBOURS: usize = 16;
-/// Triangles are looked at so many times on average, at most.
+/// At most this many looks per triangle on average.
 const MOST_VISITS: usize = 16;
-/// The profile is used at a ring where it leaves at most this share of the doubt of the facets there.
+/// The profile is used at a ring if its doubt is at most this share of the doubt of the facets there.
 const BETTER: f64 = 0.5;
-/// Known normals belong to the profile where they pass the axis within this, as a sine.
+/// Known normals belong to the profile if they pass the axis within this angle, as a sine.
 const EXACT: f64 = 1e-3;
 
 /// A face that is turned about an axis.
@@ -147,7 +153,7 @@ impl Surface for OfFace<'_> {
 /// The normals and doubts that the profiles of turned faces give.
 #[derive(Default)]
 pub(super) struct Settled {
-    /// For each face, its triangles, …
+    /// The turned faces that were found.
     faces: Vec<SettledFace>,
 }
 
@@ -160,9 +166,9 @@ struct SettledFace {
     doubts: Vec<f32>,
 }
 
-/// What the profiles of turned faces show where they leave less in doubt than the facets do, whose doubts about the slope `before`
-/// gives, rad. Vertices whose normals are not `estimated` are known, and so are those of the triangles that are `is_known`. Vertices may
-/// be off by `near`, mm.
+/// The normals and doubts that the profiles of turned faces show where they leave less doubt than the facets
+/// do; `before` has the doubts of the facets about the slope, rad. Vertices whose normals are not `estimated`
+/// are known, and so are those of the triangles that are `is_known`. Vertices may be off by `near`, mm.
 pub(super) fn found(
     mesh: &SmoothMesh,
     estimated: &[bool],
@@ -193,8 +199,8 @@ pub(super) fn found(
 }
 
 impl Settled {
-    /// Replaces the normals that are `estimated`, and their `deviations` by 0: they are as exact as those of a file, and not estimated
-    /// any more.
+    /// Replaces the normals that are `estimated`, and their `deviations` by 0. The new normals are as exact
+    /// as those of a file, and are not estimated any more.
     pub(super) fn settle(&self, mesh: &mut SmoothMesh, estimated: &mut Vec<bool>, deviations: &mut Vec<f64>) {
         let normal_of = |face: &SettledFace, vertex: u32| {
             let index = face.vertices.binary_search_by_key(&vertex, |(vertex, _)| *vertex).ok()?;
@@ -236,9 +242,9 @@ struct Search<'a> {
     near: f64,
     /// How many triangles may still be looked at.
     visits: usize,
-    /// For each triangle the last walk that reached it, …
+    /// For each triangle, the number of the last walk that reached it.
     last_walk: Vec<u32>,
-    /// … of so many.
+    /// The number of walks so far.
     walk: u32,
     /// For each triangle and each vertex, its index in the last piece that has it.
     indices: [Vec<u32>; 2],

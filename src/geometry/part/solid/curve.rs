@@ -9,9 +9,9 @@ use super::bezier::{
 };
 use super::frame::Frame;
 
-/// Largest number of pieces into which one span or one turn of a curve is divided.
+/// One span or one turn of a curve is divided into at most this many pieces.
 const MAX_PIECES: usize = 16384;
-/// Largest depth of halving a span of a spline.
+/// A span of a spline is halved at most this many times.
 const MAX_HALVINGS: u32 = 12;
 
 /// A curve in space, mm.

@@ -11,9 +11,9 @@ const ON_AXIS: f64 = 1e-9;
 const IN_PLANE: f64 = 1e-6;
 /// A profile meets the axis at the end of a curve if it does so within this share of its parameters.
 const AT_END: f64 = 1e-9;
-/// Halvings of a curve until a place where it touches the axis is left alone.
+/// A curve is halved this many times at a place where it touches the axis; then the place is skipped.
 const MAX_HALVINGS: u32 = 40;
-/// Halvings of an interval with one crossing: down to rounding.
+/// An interval with one crossing is halved this many times, down to rounding.
 const BISECTIONS: u32 = 60;
 /// Places along each curve of a run, between which its distance from a face is interpolated.
 const PLACES: u32 = 32;
@@ -33,9 +33,10 @@ struct HalfPlane {
 }
 
 impl Spline {
-    /// What of this profile sweeps, round an axis, the face whose loops go through the points `around`. A profile that
-    /// crosses the axis, as the circle of a spindle torus does, is cut there: both sides would sweep surfaces of their own,
-    /// or the same one twice. `None` if the profile is on the axis, or crosses sides outside a plane with it.
+    /// The part of this profile that sweeps, round an axis, the face whose loops go through the points
+    /// `around`. A profile that crosses the axis, as the circle of a spindle torus does, is cut there: both
+    /// sides would sweep surfaces of their own, or the same one twice. `None` if the profile is on the axis,
+    /// or crosses sides outside a plane with it.
     #[must_use]
     pub fn one_side(
         &self,
@@ -151,8 +152,9 @@ impl HalfPlane {
         [(from - *self.axis * along).norm(), along]
     }
 
-    /// How badly a run fits a face: the mean distance of its points from what the run sweeps; if it is the same, their least
-    /// distance from the run; if that is the same, how little the run reaches away from the axis; mm.
+    /// How badly a run fits a face, as three values in order, mm: the mean distance of the points of the face
+    /// from the surface that the run sweeps; if this is equal, their smallest distance from the run; if this
+    /// is equal, how little the run reaches away from the axis.
     fn score(&self, run: &Run, around: &[Point3<f64>]) -> [f64; 3] {
         let steps = |curve: &BezierCurve| -> Vec<Point3<f64>> {
             (0..=PLACES).map(|step| curve.point(f64::from(step) / f64::from(PLACES))).collect()

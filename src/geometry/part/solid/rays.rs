@@ -12,7 +12,7 @@ use super::{Face, Solid};
 /// A place this close to the boundary of a face, mm, is on the face if no other face covers it: two faces share the chords of
 /// their edge, but not exactly the same side of them.
 pub const RIM: f64 = 1e-3;
-/// What is further than this below a place inside a face, mm, is hidden, and no second skin either.
+/// What is more than this below a place inside a face, mm, is hidden and is not a second skin.
 pub const HIDDEN: f64 = 0.1;
 /// Parts of a patch are divided down to this share of the part, where the surface folds back in the view.
 const SMALLEST: f64 = 1.0 / 1024.0;
@@ -20,18 +20,18 @@ const SMALLEST: f64 = 1.0 / 1024.0;
 const APART: f64 = 0.05;
 /// Largest number of parts of all patches of a face; the rest stays undivided.
 const MAX_PARTS: usize = 100_000;
-/// Pieces of a surface that are this small in the view, mm, and still fold back are met in their middle: there the surface is
-/// along the laser.
+/// Where pieces of a surface are this small in the view, mm, and still fold back, they are met in their
+/// middle: the surface is along the laser there.
 const FOLD: f64 = 1e-6;
 /// Largest number of divisions of a part for one ray.
 const MAX_DIVISIONS: usize = 600;
-/// Places along each side of the rectangle in which a face that cannot be read may be seen.
+/// Number of places along each side of the rectangle in which an unreadable face may be visible.
 const PROBES: usize = 48;
 /// The share of the way to the middle of the face by which places on its boundary are moved inwards.
 const INWARD: f64 = 0.01;
 /// Largest number of cylinders and cones that are kept.
 const MAX_FORMS: usize = 1000;
-/// Rows of the lists of parts and sides.
+/// Number of rows of the lists of parts and sides.
 const ROWS: usize = 128;
 
 /// Where the laser's axis meets a face.
@@ -308,8 +308,8 @@ impl SeenFace {
         at.x >= self.low.x && at.x <= self.high.x && at.y >= self.low.y && at.y <= self.high.y
     }
 
-    /// Adds the places at which the axis of the laser through `at` meets the face, but not those that the other hits hide.
-    /// `start` is where the last one was, which is near on the way along a line.
+    /// Adds the places at which the axis of the laser through `at` meets the face, except for those that the
+    /// other hits hide. `start` is the last such place, which is near along a line.
     pub fn hits(&self, index: u32, at: Vector2<f64>, start: &mut Start, hits: &mut Vec<FaceHit>) {
         let mut add = |met: Met| self.add(index, at, met, true, hits);
         match &self.surface {
@@ -564,8 +564,9 @@ fn range_of(mut values: impl Iterator<Item = Option<f64>>) -> Option<[f64; 2]> {
 }
 
 impl Part {
-    /// Calls `add` with every place at which the axis of the laser meets the part, and whether it is inside the part and not only
-    /// within `rim` of it. `near` is a guess at its place in the part, and is replaced by the one that is found.
+    /// Calls `add` with every place at which the axis of the laser meets the part, and with whether it is
+    /// inside the part and not only within `rim` of it. `near` is a guess at its place in the part; the place
+    /// that is found replaces it.
     fn meet(
         &self,
         at: Vector2<f64>,

@@ -2,7 +2,8 @@
 
 use nalgebra::{Point3, Unit, Vector3};
 
-/// A cylinder or a cone of which a part's file states that it has a face, or on which the points of a scan are.
+/// A cylinder or a cone that is a face of the part according to its file, or that the points of a scan are
+/// on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RoundForm {
     /// A cylinder.

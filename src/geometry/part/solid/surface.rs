@@ -16,14 +16,17 @@ const CONVERGED: f64 = 1e-14;
 const MAX_STEPS: usize = 40;
 /// Sides of a spline surface whose points agree to within this share of its size are one point, or one line.
 const CLOSED: f64 = 1e-9;
-/// Parameters along a side of a patch from which closest points start, at most.
+/// Closest points start from at most this many parameters along a side of a patch.
 const STARTS: usize = 7;
-/// Closest points are looked for from so many of the nearest parameters, and from so many all over the surface.
+/// Closest points are searched for from this many of the nearest parameters.
 const NEAR_STARTS: usize = 8;
+/// Closest points are searched for from this many parameters all over the surface, if the nearest ones do not
+/// lead closer than [`FAR_OFF`].
 const FAR_STARTS: usize = 48;
-/// The latter only where the nearest parameters lead to nothing that is nearer than this, mm: edges may be a little off.
+/// [`FAR_STARTS`] are tried only if the nearest parameters lead to no point nearer than this, mm: edges may
+/// be slightly off.
 const FAR_OFF: f64 = 1e-3;
-/// Multiples of it, the golden ratio, are spread evenly over a circle.
+/// The golden ratio: its multiples are spread evenly over a circle.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// The surface of a face, unbounded or larger than the face, mm.

@@ -281,7 +281,8 @@ fn reaches_poles(surface: &Surface, axis: usize) -> bool {
     }
 }
 
-/// The middle of the largest range of a periodic parameter in which there is no boundary; `None` if there is none, or no boundary.
+/// The middle of the largest range of a periodic parameter without a boundary; `None` if there is no such
+/// range, or no boundary.
 fn middle_of_gap(segments: &[[Vector2<f64>; 2]], axis: usize, period: f64) -> Option<f64> {
     let mut ranges: Vec<[f64; 2]> = segments
         .iter()

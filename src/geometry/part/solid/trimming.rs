@@ -1,9 +1,10 @@
 //! Which part of a surface a face covers: its boundary in the plane of the surface's parameters.
 //!
-//! A side that bounds the face twice, as a seam of a cylinder does, bounds nothing and is left out. What remains is a set of
-//! directed segments; on periodic surfaces they need not close in the plane. On a surface that is open along one parameter,
-//! the number of crossings towards that end decides, which does not depend on the sense of the loops. On a closed surface,
-//! such as a sphere, both sides of a loop are bounded, and its sense decides: the face is on its left.
+//! A side that bounds the face twice, as a seam of a cylinder does, bounds nothing and is skipped. The rest
+//! is a set of directed segments. On periodic surfaces they need not close in the plane. On a surface that is
+//! open along one parameter, the number of crossings towards that end decides; it does not depend on the
+//! sense of the loops. On a closed surface, such as a sphere, both sides of a loop are bounded, and its sense
+//! decides: the face is on its left.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -13,8 +14,8 @@ use super::surface::Surface;
 
 /// Buckets of segments along each parameter.
 const BUCKETS: usize = 256;
-/// A test is moved by this share of the face, so that it never meets a corner; places that near to the boundary are found by
-/// their distance.
+/// A test is moved by this share of the face, to prevent it from meeting a corner. Places that near to the
+/// boundary are found by their distance.
 const ASIDE: f64 = 1.734e-10;
 /// Crossings closer than this share of the face are at one place.
 const TIE: f64 = 1e-9;
@@ -117,7 +118,8 @@ impl<'a> Locator<'a> {
                 round(angle(local.x, local.y, *radius), local.z.atan2(flat), (local.norm() - radius).abs())
             }
             Surface::Patches(patches) => {
-                // Where the edge is off the surface, the next point is, too. What is allowed does not grow from point to point.
+                // Where the edge is off the surface, the next point is, too. The allowed distance does not
+                // grow from point to point.
                 let before = previous.map_or(0.0, |previous| previous.searched);
                 let enough = self.enough.max(2.0 * before);
                 let guess = previous.map(|previous| previous.at);

@@ -17,21 +17,24 @@ use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::knots::DEGREE;
 use crate::geometry::surface::nurbs::NurbsSurface;
 
-/// Control points within so many spans of a region that is left out are determined again. A cubic spline that follows a step
-/// swings beside it by 0.27 times as much in each span, so that a step of 30 mm leaves less than 0.1 µm beyond them.
+/// Control points within this many spans of a region that is left out are determined again. A cubic spline
+/// that follows a step swings beside it. In each span, the swing is 0.27 times that in the span before, so
+/// that a step of 30 mm leaves less than 0.1 µm beyond these spans.
 const SWING: usize = 16;
 
-/// The same where there is no step, but an edge: it is missed by less than half a span, a mm or so.
+/// The same number of spans where there is no step but an edge. The spline misses an edge by less than half a
+/// span, which is about 1 mm.
 const SWING_AT_EDGE: usize = 8;
 
-/// The squares that inked areas consist of reach over their outline by less than this, mm.
+/// The squares that make up inked areas extend beyond their outline by less than this, mm.
 const OVERHANG: f64 = 0.5;
 
-/// So many nodes beyond an edge continue a face at most.
+/// At most this many nodes beyond an edge continue a face.
 const MOST_LAYERS: f64 = 8.0;
 
-/// The control points that are determined again start on a plane. Smoothness applies to the way from there, which would pull
-/// them towards it; from where that way ends it no longer does.
+/// Number of passes in which control points are determined again. They start on a plane. The smoothness
+/// penalty applies to the change from the start of a pass. In the first pass it would pull them towards the
+/// plane. In the last one it no longer does.
 const PASSES: usize = 5;
 
 /// What is between the surface and the places that it is without.

@@ -18,7 +18,7 @@ use crate::geometry::height_field::{Grid, HeightField, NO_FACE, Node, grown};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;
 
-/// Levels at most: the smallest spans are 1/64 of those of the whole part.
+/// At most this many levels: the smallest spans are 1/64 of those of the whole part.
 const MOST_LEVELS: usize = 6;
 
 /// Spans of a level along the sides of the squares that windows are made of.
@@ -37,47 +37,51 @@ const REACH: usize = 3;
 /// The windows of a part have at most this many nodes; it limits time and memory.
 const MOST_NODES: usize = 400_000;
 
-/// Windows of a level at most: each looks through all triangles of the part.
+/// At most this many windows per level: each one looks through all triangles of the part.
 const MOST_WINDOWS: usize = 64;
 
 /// The surface round a drawing has at most this many nodes.
 const MOST_NODES_ROUND: usize = 1_000_000;
 
-/// Spans that are shorter than this, mm, are to follow the part more closely in proportion: lengths depend on its slope.
+/// Spans that are shorter than this, mm, must follow the part more closely in proportion, because lengths
+/// depend on its slope.
 const SHORT: f64 = 1.0;
 
-/// Spans are not halved to less than this, mm: what shorter ones show is too small to be marked.
+/// Spans are not halved to less than this, mm: the detail that shorter spans show is too small to be marked.
 const SHORTEST: f64 = 0.25;
 
-/// Sides of the part of which most nodes are beside edges are not looked at if the nodes of the whole part are closer than this, mm.
+/// If the nodes of the whole part are closer than this, mm, sides of the part with most nodes beside edges
+/// are skipped.
 const CLOSE: f64 = 0.5;
 
-/// Beside a step the spans are halved until the nodes are closer than this, mm: drawings are marked as near as that to the
-/// walls of a recess.
+/// Beside a step, the spans are halved until the nodes are closer than this, mm. Drawings are marked up to
+/// this distance from the walls of a recess.
 const CLOSE_TO_STEP: f64 = 0.2;
 
-/// The spans miss the part by far where they miss it by so many times what they may.
+/// The spans miss the part by far if they miss it by more than this many times their tolerance.
 const BY_FAR: f64 = 20.0;
 
 /// Where the spans miss more than this share of the part, its detail is not in a few places.
 const FEW: f64 = 0.2;
 
-/// Where the slope of the samples differs by more than this from that of the part, rad, on a side that is level, the spans miss
-/// it: lengths on a side that is tilted by 45 degrees are wrong by 0.1 %.
+/// On a level side, the spans miss the part if the slope of the samples differs from that of the part by more
+/// than this, rad. On a side that is tilted by 45 degrees, this makes lengths wrong by 0.1 %.
 const TURN: f64 = 2e-3;
 
-/// The squared slope from which on nobody marks: tilted by 60 degrees.
+/// Sides with at least this squared slope, a tilt of 60 degrees, are not marked.
 const STEEP: f64 = 3.0;
 
 /// A side of the part with fewer nodes is not fitted for its own sake.
 const LEAST_SIDE: usize = 3;
 
-/// The rectangle round a drawing is larger by this share of its longer side, or by so many of the smallest spans.
+/// The rectangle round a drawing is larger on each side by this share of its longer side. If [`ROUND_SPANS`]
+/// is more, that applies.
 const ROUND_SHARE: f64 = 0.25;
+/// The rectangle round a drawing is larger on each side by at least this many of the smallest spans.
 const ROUND_SPANS: f64 = 8.0;
 
 impl Window {
-    /// The rectangle in which it counts, mm.
+    /// The rectangle in which the window applies, mm.
     pub(super) fn rectangle(&self) -> Extents {
         let (x, y) = self.surface.nurbs.knots();
         let ends = |end: fn(&Range<usize>) -> usize| {
@@ -255,7 +259,8 @@ impl FittedSurface {
         &self.windows
     }
 
-    /// The surface with these windows; `None` unless each has the spans in which it counts, and the part has them, too.
+    /// The surface with these windows; `None` unless each window has the spans in which it applies, and the
+    /// part has these spans, too.
     pub fn with_windows(self, windows: Vec<Window>) -> Option<Self> {
         let fits = |window: &Window| {
             let (x, y) = window.surface.nurbs.knots();
@@ -345,8 +350,9 @@ impl FittedSurface {
         nurbs.cropped(&inside)
     }
 
-    /// The surface fitted again with smaller spans where it misses the part, until it does not or smaller spans do not help.
-    /// `continuing` are the sides of the part that continue each other at its own nodes.
+    /// The surface fitted again with smaller spans where it misses the part, until it follows the part or
+    /// smaller spans no longer help. `continuing` are the sides of the part that continue each other at its
+    /// own nodes.
     pub(super) fn in_windows(
         mut self,
         part: &FacingPart,
@@ -412,7 +418,8 @@ impl FittedSurface {
         self.through(windows).with_joined_faces(&continuing)
     }
 
-    /// The surface and its windows with faces as one that continue each other; with none if there are no others.
+    /// The surface and its windows, with faces that continue each other as one face; without faces if all are
+    /// one.
     fn with_joined_faces(mut self, continuing: &BTreeSet<[u32; 2]>) -> Self {
         let surfaces = || std::iter::once(&self).chain(self.windows.iter().map(|window| &window.surface));
         let mut faces: Vec<Vec<u32>> =
@@ -441,7 +448,7 @@ impl FittedSurface {
         Self { windows, ..whole }
     }
 
-    /// Fits a window; `None` if nothing of the part can be fitted there.
+    /// Fits a window; `None` if no part of the surface can be fitted there.
     fn window(
         &self,
         part: &FacingPart,
@@ -595,7 +602,7 @@ impl FittedSurface {
 }
 
 impl PartSamples {
-    /// The sides of the part of which less than half of the nodes are not `near` an edge.
+    /// The sides of the part with more than half of their nodes `near` an edge.
     fn narrow_sides(&self, near: &[bool]) -> BTreeSet<u32> {
         let mut nodes: BTreeMap<u32, [usize; 2]> = BTreeMap::new();
         for (node, side) in self.sides.iter().enumerate() {
@@ -620,8 +627,9 @@ fn with_margin(core: &[Range<usize>; 2], all: &[usize; 2]) -> [Range<usize>; 2] 
     })
 }
 
-/// Adds the squares of a level, by row and column, with the marked nodes of the level before and those beside them; `first` is the
-/// number of the first node, and `spans` are those of the whole part on the level of the squares.
+/// Adds the squares of a level, by row and column, with the marked nodes of the level before and the nodes
+/// beside them. `first` is the number of the first node, and `spans` are those of the whole part on the level
+/// of the squares.
 ///
 /// The nodes of a level are as far apart as the ends of the spans of the next one.
 fn add_squares(

@@ -1,10 +1,11 @@
-//! Finds the points of a scan that are behind others, as the laser sees them: the underside of a part that was scanned from all
-//! sides.
+//! Finds the points of a scan that are behind others, as the laser sees them: the underside of a part that
+//! was scanned from all sides.
 //!
-//! Points at random leave gaps. What is seen through such a gap is behind the surface all the same. So a point is behind the surface if
-//! points above it surround it, not only if one is exactly above it (compare Katz, Tal & Basri, Direct visibility of point sets,
-//! SIGGRAPH 2007). How far away these may be follows from the distance between the points there: a hole that is wider than that is a
-//! hole, through which the laser meets what is below.
+//! Random points leave gaps. A point that is visible through such a gap is behind the surface all the same.
+//! So a point is behind the surface if points above it surround it, not only if one is exactly above it
+//! (compare Katz, Tal & Basri, Direct visibility of point sets, SIGGRAPH 2007). How far away these points may
+//! be follows from the distance between the points there. A wider hole is a real hole, through which the
+//! laser meets the surface below.
 
 use nalgebra::{Matrix3, Point3};
 
@@ -14,26 +15,29 @@ use crate::geometry::surface::summed_area::SummedArea;
 
 /// Side of a cell, in units of the mean distance between the points.
 const CELL: f64 = 0.7;
-/// Points round a point among which those above it must surround it. On one surface they are at most 2.8 times as far away as the
-/// points are apart, so that a groove must be three times as wide as that to be seen. Of so many random points, no octant and both
-/// beside it are empty with a probability of 1.6e-4.
+/// Number of points round a point among which those above it must surround it. On one surface, they are at
+/// most 2.8 times as far away as the points are apart, so that a groove must be three times as wide as that
+/// to be seen. Of this many random points, no octant and both beside it are empty with a probability of
+/// 1.6e-4.
 const AMONG: usize = 24;
-/// After the points behind others are known, as many of those left, but not more than this many times as many of all.
+/// Once some points are known to be behind others, [`AMONG`] of the points that are left are taken. The place
+/// is skipped if there are more than this many times [`AMONG`] points there in all.
 const OF_ALL: f64 = 2.2;
-/// Rounds, at most: each finds the points that are behind fewer others than there are sheets.
+/// At most this many rounds. Each one finds the points that are behind fewer others than there are sheets.
 const ROUNDS: usize = 3;
 /// Rounds end when fewer than this share of the points are found to be behind others.
 const HARDLY_ANY: f64 = 0.002;
-/// Farthest cells in which these points are searched: strays have no others round them.
+/// These points are searched for within at most this many cells: strays have no others round them.
 const FARTHEST: usize = 12;
-/// A point is above another if it is so by more than the steepest surface climbs, and by this many standard deviations of the noise.
-/// That is across the surface; along the line of sight, it is twice as large on a surface that is tilted by 60°.
+/// A point is above another one if it is higher by more than the steepest surface climbs and by this many
+/// standard deviations of the noise. The deviation is measured across the surface. On a surface that is
+/// tilted by 60°, it is twice as large along the line of sight.
 const BEYOND_NOISE: f64 = 12.0;
-/// The noise is the scatter of so many neighbours about their plane, …
+/// The noise is the scatter of this many neighbours of a point about their plane.
 const NEIGHBOURS: usize = 12;
-/// … at so many of the points, …
+/// The noise is measured at this many points at most.
 const PROBES: usize = 256;
-/// … and at fewer in large scans, so that no more distances than this are calculated.
+/// At most this many distances are calculated for the noise; in large scans it is measured at fewer points.
 const DISTANCES: usize = 100_000_000;
 
 /// For each point of the view, whether those `inside` that are above it surround it.

@@ -11,14 +11,16 @@ pub(super) const CELL: f64 = 1.5;
 /// Ratio of the standard deviation of a normal distribution to the median of its absolute values.
 pub(super) const TO_DEVIATION: f64 = 1.482_602_218_505_602;
 
-/// The distance between points round a place follows from so many of them, at least.
+/// At least this many points round a place are needed to show the distance between points there.
 const SHOW_SPACING: usize = 24;
-/// They are looked for within so many cells of the place, from the first number to the second. Within the first, the cells that the
-/// edge of a hole divides hardly matter; beyond the second, points are strays.
+/// The points that show their distance are searched for within these numbers of cells of the place, from the
+/// first to the second. Within the first, the cells that the edge of a hole divides hardly matter. Beyond the
+/// second, points are strays.
 const SPACING_CELLS: [usize; 2] = [5, 10];
-/// Points are sparse where they are so many times as far apart as usual. Less is chance.
+/// Points are sparse if they are at least this many times as far apart as usual. Less is chance.
 const SPARSE: f64 = 1.4;
-/// No gap is taken for one between points that are farther apart than so many times as far as usual.
+/// Sparse points are at most this many times as far apart as usual. Where the distance is larger, there is a
+/// gap.
 const FARTHEST_APART: f64 = 5.0;
 
 /// Square cells over the view with the points in each, the uppermost first.
@@ -76,10 +78,11 @@ impl Cells {
         (0..self.count()).map(local).collect()
     }
 
-    /// How many times as far apart as usual the points round each cell are, if `chosen` gives the number of points in it; 1 where they
-    /// are not notably sparse. The number of random points in the cells that have some shows how many have none by chance, so that an edge
-    /// of the scan is not taken for a sparse place. Points of a lattice leave none by chance: there are at least as many as in the
-    /// cells at and beside points on average.
+    /// How many times as far apart as usual the points round each cell are; `chosen` returns the number of
+    /// points in a cell. 1 if they are not notably sparse. The number of random points in the cells that have
+    /// some shows how many cells are empty by chance, so that an edge of the scan is not treated as a sparse
+    /// place. Points of a lattice leave no cell empty by chance: there are at least as many as in the cells
+    /// at and beside points on average.
     pub(super) fn sparseness(&self, chosen: impl Fn(usize) -> usize) -> Vec<f64> {
         let points = SummedArea::of_counts(self.size(), &chosen);
         let filled = SummedArea::of_counts(self.size(), |cell| usize::from(chosen(cell) > 0));
@@ -149,7 +152,7 @@ impl Cells {
         Some(row * self.columns + column)
     }
 
-    /// The cells within so many of one, from below.
+    /// The cells within `reach` cells of one, from below.
     pub(super) fn square(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
         let range = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
         let columns = range(cell % self.columns, self.columns);
@@ -197,8 +200,8 @@ pub(super) fn octant(to: Vector2<f64>) -> u8 {
     }
 }
 
-/// Whether there are points in all four quadrants, or in octants of which no three in a row are without: either way, no half-plane
-/// is empty.
+/// Whether there are points in all four quadrants, or no three octants in a row are empty: either way, every
+/// half-plane has points.
 pub(super) fn is_surrounded(octants: u8) -> bool {
     let empty = !octants;
     let has_empty_quadrant = (0..4).any(|quadrant| octants >> (2 * quadrant) & 0b11 == 0);

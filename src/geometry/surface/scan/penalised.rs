@@ -48,9 +48,10 @@ const MAX_ROUNDS: usize = 6;
 const SETTLED: f64 = 0.05;
 /// Knots that are this many times as far apart as the finest ones are as fine: halving comes no nearer.
 const AS_FINE: f64 = 1.01;
-/// The search for the wavelength starts with steps of this factor, …
+/// The search for the wavelength starts with steps of this factor.
 const APART: f64 = 1.6;
-/// … and ends with steps of this power of it. A search from the wavelength of the last round starts with them.
+/// The search for the wavelength ends with steps of this power of [`APART`]. A search from the wavelength of
+/// the last round starts with such steps.
 const SMALLEST_STEP: f64 = 0.125;
 /// A mean deviation of a neighbourhood beyond this many of its standard errors is not noise.
 const SIGNIFICANT: f64 = 6.0;

@@ -1,10 +1,12 @@
-//! Recognises that the points of a scan are on one cylinder or cone, as far as their noise lets anybody say so.
+//! Recognises that the points of a scan are on one cylinder or cone, as far as their noise allows.
 //!
-//! If they are, their distances from the best one are white noise: the mean of the points in a square of the view differs from zero by
-//! no more than the scatter of so many points explains, whether the square is a few points wide or as wide as the part. Sums of the
-//! squares of such means have the χ² distribution (Pearson, On the criterion that a given system of deviations …, Philosophical Magazine
-//! 1900). An oval, conical, barrel-shaped, bent or wavy part fails at the size of its deviation, scanner waves at theirs. A deviation
-//! that is too small to fail is within the doubt that [`Recognised`] states.
+//! If they are, their distances from the best form are white noise. Then the mean of the points in a square
+//! of the view differs from zero by no more than the scatter of that number of points explains, whether the
+//! square is a few points wide or as wide as the part. Sums of the squares of such means have the χ²
+//! distribution (Pearson, On the criterion that a given system of deviations …, Philosophical Magazine 1900).
+//! An oval, conical, barrel-shaped, bent or wavy part fails in squares of the size of its deviation, and
+//! scanner waves fail in squares of their size. A deviation that is too small to fail is within the doubt
+//! that [`Recognised`] states.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -19,36 +21,37 @@ use crate::geometry::shape_fit::fitted;
 use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::ViewPoint;
 
-/// Points on a side steeper than this are not compared, rad: there, points below the surface are hidden more often than those above
-/// it, so that their mean is not zero.
+/// Points on a side steeper than this, rad, are not compared. There, points below the surface are hidden more
+/// often than points above it, so that their mean is not zero.
 const STEEPEST: f64 = 65.0 * PI / 180.0;
-/// Least number of points.
+/// No form is recognised from fewer points than this.
 const FEWEST: usize = 1000;
-/// Points for the first steps of a fit, which need no more.
+/// The first steps of a fit use at most this many points; they need no more.
 const FEW: usize = 4000;
-/// Steps of a fit to a few points, and to all.
+/// Number of steps of a fit to a few points ([`FEW`]), and to all points.
 const STEPS: [usize; 2] = [30, 4];
 /// Normals that turn by less than this, rad, do not define an axis.
 const LEAST_TURN: f64 = 0.05;
-/// Cones slimmer or flatter than this, rad, are not distinguished from cylinders and planes.
+/// Cones that are slimmer or flatter than this, rad, are not distinguished from cylinders and planes.
 const LEAST_ANGLE: f64 = 0.5 * PI / 180.0;
-/// Squares that are at most so many cells wide have the scatter of their points in common.
+/// Squares that are at most this many cells wide share one scatter of their points.
 const ZONE: usize = 8;
-/// Values from which a scatter is known, at least.
+/// A scatter is known from at least this many values.
 const LEAST_FREEDOM: f64 = 30.0;
-/// Squares of one size, at least: fewer are explained by the parameters of the fit.
+/// At least this many squares of one size are compared: the parameters of the fit explain fewer.
 const FEWEST_SQUARES: usize = 16;
-/// Points in a square, at least.
+/// A square has at least this many points.
 const IN_SQUARE: usize = 4;
-/// A sum of squares may be above its mean by so many of its standard deviations by chance.
+/// By chance, a sum of squares may be above its mean by at most this many of its standard deviations.
 const BY_CHANCE: f64 = 4.5;
-/// One mean may differ from zero by so many of its standard deviations by chance, among many.
+/// By chance, one mean among many may differ from zero by at most this many of its standard deviations.
 const ONE_BY_CHANCE: f64 = 5.5;
-/// How many times the standard deviation of its parameters a form may be off.
+/// A form may be off by at most this many times the standard deviation of its parameters.
 const OFF: f64 = 2.5;
-/// A form is used if what may be hidden in the noise is at most so many times what a smoothed surface leaves: this follows long waves.
+/// A form is used if the slope error that the noise may hide is at most this many times that of a smoothed
+/// surface, because a smoothed surface follows long waves.
 const MOST_HIDDEN: f64 = 3.0;
-/// What is hidden adds at most so many standard deviations to the sum of squares.
+/// A hidden deviation adds at most this many standard deviations to the sum of squares.
 const HIDDEN: f64 = 2.0;
 /// Amplitude of a wave whose mean over the half of its length is 1.
 const OF_MEAN: f64 = PI / 2.0;
@@ -115,8 +118,9 @@ impl Form {
 }
 
 impl Recognised {
-    /// The cylinder, or else the cone, on which all used points of a surface are; `None` if there is none, if they define it worse than
-    /// the `slope` of the smoothed surface is known, rad, or if their noise may hide much more than that.
+    /// The cylinder, or else the cone, that all used points of a surface are on. `None` if there is none, if
+    /// they define it worse than the `slope` of the smoothed surface is known, rad, or if their noise may
+    /// hide much more than that.
     pub(super) fn of(region: &Region, smoothed: &Smoothed, cells: &Cells, slope: f64) -> Option<Self> {
         let normal = |point: &Point3<f64>| {
             let gradient = smoothed.nurbs.gradient(ViewPoint::new(point.x, point.y));
@@ -298,7 +302,8 @@ fn hidden_slope(
     let variance = |column: usize, row: usize| {
         let zone = zones[row * zone_columns + column];
         let freedom = zone.count - zone.cells;
-        // The mean of the inverse of a variance from so many values is larger than its inverse.
+        // The mean of the inverse of a variance from this number of values is larger than the inverse of the
+        // variance.
         scatter(&zone).map_or(overall, |variance| variance * freedom / (freedom - 2.0))
     };
     let mut largest = 0.0f64;
@@ -329,7 +334,7 @@ fn hidden_slope(
         let length = width as f64 * cells.side();
         // A wave whose half length is between this width and twice that is seen best in these squares.
         if 2.0 * length > reach {
-            // What is not explained by chance, and what may be by as much as that.
+            // The part of the sum that chance does not explain, plus the part that chance may hide.
             let hidden = HIDDEN * (2.0 * mean).sqrt();
             let left = ((sum - mean).max(0.0) + hidden) * overall / count;
             largest = largest.max(OF_MEAN * left.sqrt() * PI / length);
@@ -363,7 +368,7 @@ impl Square {
     }
 }
 
-/// Squares that are so many cells wide.
+/// Squares that are `width` cells wide.
 fn wider(narrow: &[Square], [columns, rows]: [usize; 2], width: usize) -> Vec<Square> {
     let across = columns.div_ceil(width);
     let mut squares = vec![Square::default(); across * rows.div_ceil(width)];

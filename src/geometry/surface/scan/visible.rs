@@ -19,16 +19,17 @@ const FAR: f64 = 0.01;
 const FILLED: f64 = 0.7;
 /// Share of the points round a point that must be near its height.
 const SUPPORT: f64 = 0.15;
-/// Points in a cell that are counted for this share at most, in units of the usual number: a steep side has many points under one
-/// another.
+/// For [`SUPPORT`], at most this many times the usual number of points is counted in a cell: a steep side has
+/// many points under one another.
 const MOST_OF_USUAL: f64 = 2.0;
-/// Side of the cells of the first look, in units of those for all points: points on undersides and steep sides make these narrower
-/// than the points on the visible surface require.
+/// Side of the cells of the first look, in units of the side for all points. Points on undersides and steep
+/// sides make the cells for all points narrower than the points on the visible surface require.
 const FIRST_LOOK: f64 = 3.0;
 /// The first look determines the spacing again if it hides more than this share of the points.
 const NOTABLE_HIDDEN: f64 = 0.1;
-/// A cell is a gap between the points of the surface if so many of the 24 cells round it are above it by more than the steepest
-/// surface climbs: the laser meets the surface there, and the points in the cell are behind it. In the corner of two cliffs it is 16.
+/// A cell is a gap between the points of the surface if at least this many of the 24 cells round it are above
+/// it by more than the steepest surface climbs. There the laser meets the surface, and the points in the cell
+/// are behind it. In the corner of two cliffs, 16 cells are above.
 const ROUND_GAP: usize = 17;
 /// Minimum number of points of a region.
 pub(super) const MIN_POINTS: usize = 64;

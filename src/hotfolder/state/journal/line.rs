@@ -293,7 +293,7 @@ pub(super) fn written(line: &Line) -> io::Result<String> {
 /// The result of reading a line.
 pub(super) enum Parsed {
     Good(Line),
-    /// It is undamaged, but this version does not know its content.
+    /// It is undamaged, but this version cannot read its content.
     Unknown,
     Damaged,
 }

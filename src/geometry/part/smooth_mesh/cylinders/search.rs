@@ -14,10 +14,11 @@ use crate::geometry::smooth_mesh::round::{Plane, Round};
 const REACH_OF_FINER: usize = 16;
 /// Facets beside those to which a cylinder is fitted are on it within this many times what vertices may be off.
 const NEARLY: f64 = 4.0;
-/// A cylinder is looked for on this many triangles on either side of the first; the second number is for narrow fillets.
+/// A cylinder is searched for on this many triangles on either side of the first one. The second number is
+/// for narrow fillets.
 const REACHES: [usize; 2] = [4, 2];
-/// Two rings of any turned part are on a cone. Facets beyond the rings of a real cone are on it, too, or narrower by at least this
-/// factor, as those of a fillet.
+/// Two rings of any turned part are on a cone. Facets beyond the rings of a real cone are on it, too, or they
+/// are narrower by at least this factor, as the facets of a fillet are.
 const NARROWER: f64 = 2.0;
 /// A strip has at least this many triangles to show a cylinder, and to show a cone: the four vertices of two triangles are always on
 /// a cylinder, as in a fan.
@@ -363,8 +364,9 @@ impl<'a> FacetsOn<'a> {
         (has_place && (is_on || is_on_chord())).then_some(is_on)
     }
 
-    /// Whether the facet of a triangle is, but for small triangles in its plane, as those at the beginning of a fillet. Vertices on
-    /// chords are between others round the axis, and no deeper than chords between these.
+    /// Whether the facet of a triangle is on it, except for small triangles in its plane, as at the beginning
+    /// of a fillet. Vertices on chords are between others round the axis, and no deeper than chords between
+    /// these.
     fn is_on(&self, triangle: usize) -> bool {
         let Self { search: Search { mesh, facets, .. }, group: Group { round, most, .. }, .. } = self;
         let area = |triangle: usize| {
