@@ -13,7 +13,7 @@ fn with_mouse() -> Desk {
 
 /// The only kept surface.
 fn entry(desk: &Desk) -> std::path::PathBuf {
-    let files = fs::read_dir(desk.path("kept/v38/mouse")).unwrap().map(|entry| entry.unwrap().path());
+    let files = fs::read_dir(desk.path("kept/v39/mouse")).unwrap().map(|entry| entry.unwrap().path());
     let fits: Vec<_> = files.filter(|path| path.extension().is_some_and(|ending| ending == "fit")).collect();
     assert_eq!(fits.len(), 1);
     fits[0].clone()

@@ -414,7 +414,7 @@ fn a_stations_settings_apply_unless_an_option_overrides_them() {
     assert_eq!(report["output"]["dxf"], "R12");
     let wide = 33.0 * (19.5f64 / 33.0).sin();
     assert_near(&numbers(&report, "/output/extents_mm"), &[55.0 - wide, 53.5, 55.0 + wide, 66.5], 0.002);
-    assert!(desk.path("cache/v38/can").is_dir(), "the station's cache is used");
+    assert!(desk.path("cache/v39/can").is_dir(), "the station's cache is used");
     let turned = desk.correct(&part("can/fc020-gui.glb"), &drawing("abc"), &format!("{options} --rotate 90"));
     let wide = 33.0 * (6.5f64 / 33.0).sin();
     assert_near(&numbers(&turned, "/output/extents_mm"), &[55.0 - wide, 40.5, 55.0 + wide, 79.5], 0.002);

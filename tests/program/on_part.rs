@@ -346,7 +346,7 @@ fn a_kept_sku_gives_the_same_picture_without_its_part() {
 
     // Entries of an older version have no mesh; a damaged one is not used.
     let meshes = || -> Vec<_> {
-        let files = fs::read_dir(desk.path("kept/v38/mouse")).unwrap().map(|entry| entry.unwrap().path());
+        let files = fs::read_dir(desk.path("kept/v39/mouse")).unwrap().map(|entry| entry.unwrap().path());
         files.filter(|path| path.extension().is_some_and(|ending| ending == "mesh")).collect()
     };
     assert_eq!(meshes().len(), 1);
@@ -383,7 +383,7 @@ fn a_kept_sku_gives_the_same_picture_without_its_part() {
     assert!(first.bytes == again.bytes, "the pictures differ");
     assert_eq!(meshes().len(), 1);
     desk.isomark(&["cache", "remove", "mouse", "--cache", "kept"]).refused(0, &["mouse: removed"]);
-    assert!(!desk.path("kept/v38/mouse").exists());
+    assert!(!desk.path("kept/v39/mouse").exists());
 }
 
 #[test]

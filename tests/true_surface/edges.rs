@@ -296,6 +296,95 @@ fn the_middle_of_a_double_bend_is_not_taken_for_a_cone_or_cylinder() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
+/// A solid that is turned about the x axis as CAD programs cut it: rings at these places along it, with their distances from it, mm, and
+/// their numbers of vertices, every second ring turned by half a sector.
+fn turned_by_cad(rings: &[(f64, f64, u32)]) -> TriMesh {
+    let mut points = Vec::new();
+    let starts: Vec<u32> = rings
+        .iter()
+        .zip(0..)
+        .map(|(&(x, out, count), number)| {
+            let start = points.len() as u32;
+            points.extend((0..count).map(|sector| {
+                let angle = TAU * (f64::from(sector) + 0.5 * f64::from(number % 2)) / f64::from(count);
+                Point3::new(x, out * angle.sin(), out * angle.cos())
+            }));
+            start
+        })
+        .collect();
+    let mut triangles = Vec::new();
+    for (number, pair) in rings.windows(2).enumerate() {
+        let counts = [pair[0].2, pair[1].2];
+        let vertex = |ring: usize, sector: u32| starts[number + ring] + sector % counts[ring];
+        let angle = |ring: usize, sector: u32| {
+            (f64::from(sector) + 0.5 * ((number + ring) % 2) as f64) / f64::from(counts[ring])
+        };
+        let [mut one, mut other] = [0, 0];
+        while one < counts[0] || other < counts[1] {
+            let is_first = other == counts[1] || one < counts[0] && angle(0, one + 1) <= angle(1, other + 1);
+            let beyond = if is_first { vertex(0, one + 1) } else { vertex(1, other + 1) };
+            triangles.push([vertex(0, one), beyond, vertex(1, other)]);
+            if is_first { one += 1 } else { other += 1 }
+        }
+    }
+    with_separate_vertices(&bare(points, triangles))
+}
+
+/// A CAD program would cut an S-shaped profile finer than the rings beside it show.
+#[test]
+fn a_short_cone_between_the_cylinders_of_a_cad_mesh_ends_at_edges() {
+    // Radius and length of the cone, mm, its slope, degrees, and the vertices of the first ring, one in the cone and the last.
+    for (radius, length, degrees, counts) in [
+        (36.0, 6.0, 18.4, [60, 43, 58]),
+        (36.0, 6.0, 22.0, [85, 60, 82]),
+        (25.0, 5.0, 14.0, [58, 41, 56]),
+        (18.0, 4.0, 20.0, [54, 38, 52]),
+    ] {
+        let drop = length * f64::to_radians(degrees).tan();
+        let distance = |x: f64| radius - drop * (x / length + 0.5).clamp(0.0, 1.0);
+        let [first, inner, last] = counts;
+        let places =
+            [(-30.0, first), (-length / 2.0, first), (0.0, inner), (length / 2.0, last), (30.0, last)];
+        let part = turned_by_cad(&places.map(|(x, count)| (x, distance(x), count)));
+        let height = |x: f64, y: f64| (distance(x).powi(2) - y * y).sqrt();
+        let (miss, at) = largest_miss(&sampled(&part), |x, y| {
+            let from_edge = (x.abs() - length / 2.0).abs();
+            (from_edge > 0.8 && x.abs() < 25.0 && y.abs() < radius / 2.0).then(|| height(x, y))
+        });
+        assert!(miss < 0.01, "{radius} {degrees}: {miss} mm at {at:?}");
+        let surface = FittedSurface::of_part(&FacingPart::new(&part, &View::top()), &FitOptions::default());
+        let [reported, truth] = judged(&surface.unwrap(), height).map(|of| of.length_error);
+        assert!(truth < reported + SLACK[0], "{radius} {degrees}: {truth} is reported as {reported}");
+    }
+}
+
+#[test]
+fn a_smooth_profile_that_cad_cuts_as_finely_as_its_rings_has_no_edges() {
+    for (amplitude, wavelength, radius) in [(2.0, 44.0, 22.0), (4.0, 50.0, 30.0), (1.0, 30.0, 15.0)] {
+        let distance = |x: f64| radius + amplitude * (TAU * x / wavelength).sin();
+        let sagitta = 0.05;
+        let bend = amplitude * (TAU / wavelength).powi(2);
+        let step = (8.0 * sagitta / bend).sqrt().min(8.0);
+        let count = (60.0 / step).ceil();
+        let rings: Vec<_> = (0..=count as u32)
+            .map(|number| {
+                let x = -30.0 + 60.0 * f64::from(number) / count;
+                let fits = PI / (1.0 - sagitta / distance(x)).acos();
+                // Inside of a face, rings have other numbers of vertices than at its borders.
+                let times = if number == 0 || number == count as u32 { 1.0 } else { 0.75 };
+                (x, distance(x), (times * fits).ceil() as u32 + number % 3)
+            })
+            .collect();
+        let samples = sampled(&turned_by_cad(&rings));
+        let columns = samples.field.size().0;
+        for (index, is_at_edge) in samples.is_at_edge.iter().enumerate() {
+            let at = samples.field.position(index % columns, index / columns);
+            let is_inside = at.x.abs() < 28.0 && at.y.abs() < 0.8 * (radius - amplitude);
+            assert!(!(is_inside && *is_at_edge), "{amplitude} {radius}: {at:?}");
+        }
+    }
+}
+
 #[test]
 fn heights_on_mitred_fillets_are_accurate_or_cause_a_warning() {
     let surface = FittedSurface::of_part(

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector2, Vector3};
 use super::adjacency::{WELD_DISTANCE, facet_normal, turn_in_view};
 use super::cone::Cone;
 use super::curved_triangle::Hit;
-use super::height_field::{Grid, HeightField, Node, STEEPEST_SURFACE, for_each_side};
+use super::height_field::{Grid, HeightField, Node, STEEPEST_REFINED, STEEPEST_SURFACE, for_each_side};
 use super::mesh::TriMesh;
 use super::smooth_mesh::{NORMAL_TOLERANCE, SmoothMesh};
 use super::solid::Solid;
@@ -16,10 +16,6 @@ use super::solid::frame::Placement;
 use super::solid::rays::{FaceHit, HIDDEN, SeenSolid, Start, first_of};
 use crate::geometry::fork::{Fork, InTurn, found, in_pieces, join, mapped, start};
 use crate::geometry::space::{Extents, View, ViewPoint};
-
-/// Surface is not marked where the tangent of the angle between its normal and the laser's axis is larger
-/// (60°).
-const STEEPEST_MARKED: f64 = 1.732;
 
 /// Two sides of the part whose meshes are not joined continue each other where the difference of their heights is as
 /// their slopes predict, to within this share of the distance between nodes.
@@ -483,7 +479,7 @@ impl<'f> FacingPart<'f> {
             if !is_alike || is_off {
                 (is_at_edge[first], is_at_edge[second]) = (true, true);
             }
-            if is_alike && is_off && a.steepness() <= STEEPEST_MARKED {
+            if is_alike && is_off && a.gradient.norm_squared() <= STEEPEST_REFINED {
                 (is_at_step[first], is_at_step[second]) = (true, true);
             }
             if is_alike && !is_off {
@@ -619,7 +615,8 @@ fn steps_at(is_at_cliff: &[bool], grid: &Grid, hits: &[Option<(u32, Hit)>]) -> V
     if !is_at_cliff.contains(&true) {
         return is_at_step;
     }
-    let is_level = |node: usize| hits[node].is_some_and(|(_, hit)| hit.steepness() <= STEEPEST_MARKED);
+    let is_level =
+        |node: usize| hits[node].is_some_and(|(_, hit)| hit.gradient.norm_squared() <= STEEPEST_REFINED);
     for_each_side(grid, |first, second, _| {
         if is_at_cliff[first] && is_at_cliff[second] && is_level(first) && is_level(second) {
             (is_at_step[first], is_at_step[second]) = (true, true);

@@ -8,6 +8,10 @@ use crate::geometry::space::{Extents, ViewPoint};
 /// for marking is lower (60° by default); the fit uses the surface between the two limits as a border.
 pub const STEEPEST_SURFACE: f64 = 75.0 * std::f64::consts::PI / 180.0;
 
+/// The largest squared slope of surface whose steps and details are looked for: 60°, the angle beyond which drawings are rejected by
+/// default. Steeper surface is fitted without them.
+pub(crate) const STEEPEST_REFINED: f64 = 3.0;
+
 /// The number that stands for no face: the face of a node is not known, or there is none.
 pub(crate) const NO_FACE: u32 = u32::MAX;
 

@@ -5,7 +5,7 @@
 //!
 //! | step | modules |
 //! |---|---|
-//! | which facets continue each other, and where edges are | `plane_polygons`, `plane_facets`, `sections`, `creases`, `hidden_arcs` |
+//! | which facets continue each other, and where edges are | `plane_polygons`, `plane_facets`, `sections`, `creases`, `ring_limits`, `hidden_arcs` |
 //! | normals from the facets round a vertex | `arcs`, `long_sides`, `straightest` |
 //! | normals from the face on which its vertices are | `round`, `ends`, `rivals`, `settling`, then `cylinders`, `spheres`, `caps`, `cambers`; `plane_curve`, `strips`, `curve_strip`, `free_outlines`; `rings`, `profile`, `turned` |
 //! | what stays in doubt | `chains`, `exact_normals`, `scatter`, `slopes` |
@@ -15,6 +15,7 @@ mod plane_polygons;
 mod plane_facets;
 mod sections;
 mod creases;
+mod ring_limits;
 mod hidden_arcs;
 
 mod arcs;

@@ -171,7 +171,10 @@ impl<C: Corrector> Dispatcher<'_, C> {
     /// Whether no other station uses the hot folder; if one does, this station ends.
     pub(super) fn holds_hot(&mut self) -> bool {
         let hot = &self.settings.station().folders.hot;
-        if self.hot_lock.as_ref().is_none_or(|lock| lock.identity != folders::identity(hot)) {
+        // A folder that cannot be looked at for a moment is still the same.
+        let is_another =
+            |lock: &HotLock| folders::identity(hot).is_some_and(|now| lock.identity != Some(now));
+        if self.hot_lock.as_ref().is_none_or(is_another) {
             self.hot_lock = None;
             self.hot_lock = HotLock::take(hot);
         }

@@ -18,7 +18,7 @@ use crate::geometry::fork::{Fork, mapped};
 /// A step stands out if it turns by more than this many times the turn that the steps beside it explain, plus
 /// [`LEAST`].
 const STANDS_OUT: f64 = 4.0;
-const LEAST: f64 = 2.0 * PI / 180.0;
+pub(super) const LEAST: f64 = 2.0 * PI / 180.0;
 /// The factor instead of [`STANDS_OUT`] for a step that continues a known edge, or that is at a flat side.
 const STILL_STANDS_OUT: f64 = 2.0;
 /// The factor instead of [`STANDS_OUT`] for an edge that is known because its facets meet at a large angle.
@@ -71,6 +71,8 @@ const OF_ROW: f64 = 0.9;
 const OF_WIDTH: f64 = 0.3;
 /// A corner of the section is skipped if it turns by less than this share of the turn of the step.
 const NO_CORNER: f64 = 0.25;
+/// A corner beside a step continues its bend if it turns the same way by more than this share of it.
+const BENDING: f64 = 0.5;
 /// Where sections run across a step besides the one in its middle, as shares of its length.
 const CUTS: [f64; 2] = [0.3, 0.7];
 /// At most this many steps are looked at round one place, because edges do not meet by the hundred.
@@ -104,6 +106,8 @@ struct Measured {
     height: f64,
     /// Whether there is nothing beside it that could explain anything: the part ends on both sides.
     is_alone: bool,
+    /// Whether a next corner turns the same way by a notable share of it, as along a curve.
+    is_bending: bool,
     /// Whether it is between a flat and a curved side.
     is_at_flat: bool,
     /// Whether this flat may be one of a row of equal facets round a ball or a barrel.
@@ -171,8 +175,13 @@ impl Steps<'_> {
         if self.steps.is_empty() {
             return Vec::new();
         }
-        let measured = mapped(fork, self.steps.len(), |number| self.measure(self.steps[number]));
         let ends = self.by_place(self.steps);
+        let measured = mapped(fork, self.steps.len(), |number| {
+            let step = self.measure(self.steps[number])?;
+            let is_judged =
+                step.stands_out_alone() || step.is_bending || !self.exceeds_limits(number, step.turn, &ends);
+            Some(if is_judged { step } else { Measured { explained: 0.0, may_be_in_row: false, ..step } })
+        });
         let mut is_crease = self.chains(&measured, &ends);
         let found = self.steps.iter().zip(&is_crease).filter(|(_, is_crease)| **is_crease);
         let sharp = self.edges.iter().filter(|&&edge| {
@@ -324,23 +333,25 @@ impl Steps<'_> {
         ends
     }
 
-    fn end_places(&self, side: u32) -> [u32; 2] {
+    pub(super) fn end_places(&self, side: u32) -> [u32; 2] {
         let (places, first) = (self.places[side as usize / 3], side as usize % 3);
         [places[first], places[(first + 1) % 3]]
     }
 
     /// Whether two sides that meet at a place nearly continue each other there.
-    fn runs_on(&self, place: u32, one: u32, other: u32) -> bool {
+    pub(super) fn runs_on(&self, place: u32, one: u32, other: u32) -> bool {
         self.bend(place, one, other) < STRAIGHT
     }
 
     /// The angle between the directions of two sides that meet at a place, rad; 0 if one continues the other straight.
-    fn bend(&self, place: u32, one: u32, other: u32) -> f64 {
-        let away = |side: u32| {
-            let [from, to] = self.facets.ends(side as usize);
-            if self.end_places(side)[0] == place { to - from } else { from - to }
-        };
-        (-away(one)).angle(&away(other))
+    pub(super) fn bend(&self, place: u32, one: u32, other: u32) -> f64 {
+        (-self.away(place, one)).angle(&self.away(place, other))
+    }
+
+    /// The way from a place at an end of a side to its other end, mm.
+    pub(super) fn away(&self, place: u32, side: u32) -> Vector3<f64> {
+        let [from, to] = self.facets.ends(side as usize);
+        if self.end_places(side)[0] == place { to - from } else { from - to }
     }
 
     /// The angle between the facets at two facing sides, rad.
@@ -423,9 +434,9 @@ impl Steps<'_> {
         let turned = turn(-one, other, along);
         let beside = step.map(|side| self.beside(side, start, along, turned.abs() * NO_CORNER));
         // The section runs away from the step on both sides.
+        let ahead = |side: usize| if side == 0 { -turned } else { turned };
         let known = [0, 1].map(|side| {
-            let ahead = if side == 0 { -turned } else { turned };
-            if beside[side].turns_back(ahead) { Some(0.0) } else { beside[side].explains() }
+            if beside[side].turns_back(ahead(side)) { Some(0.0) } else { beside[side].explains() }
         });
         // A side of which nothing is known is like the other side.
         let like = |side: usize| {
@@ -441,6 +452,9 @@ impl Steps<'_> {
             explained: explained[0] + explained[1],
             height,
             is_alone: known == [None; 2],
+            is_bending: [0, 1]
+                .into_iter()
+                .any(|side| beside[side].turns[0] * ahead(side) > BENDING * turned * turned),
             is_at_flat: false,
             may_be_in_row: false,
         })
@@ -530,7 +544,7 @@ fn is_of_chamfered_prism(turned: f64, beside: &[Beside; 2]) -> bool {
 }
 
 /// The indices that belong to a place.
-fn at_place(ends: &[(u32, u32)], place: u32) -> impl Iterator<Item = usize> {
+pub(super) fn at_place(ends: &[(u32, u32)], place: u32) -> impl Iterator<Item = usize> {
     let first = ends.partition_point(|end| end.0 < place);
     let here = ends[first..].iter().take_while(move |end| end.0 == place);
     here.take(MOST_AT_PLACE).map(|end| end.1 as usize)

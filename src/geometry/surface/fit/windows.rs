@@ -14,7 +14,7 @@ use super::{Data, FittedSurface, NODES_PER_SPAN, Residual, SWING_REACH, Window};
 use crate::geometry::faces::joined;
 use crate::geometry::facing_part::{FacingPart, PartSamples, Uncertainty};
 use crate::geometry::fork::Fork;
-use crate::geometry::height_field::{Grid, HeightField, NO_FACE, Node, grown};
+use crate::geometry::height_field::{Grid, HeightField, NO_FACE, Node, STEEPEST_REFINED, grown};
 use crate::geometry::space::{Extents, ViewPoint};
 use crate::geometry::surface::nurbs::NurbsSurface;
 
@@ -67,9 +67,6 @@ const FEW: f64 = 0.2;
 /// On a level side, the spans miss the part if the slope of the samples differs from that of the part by more
 /// than this, rad. On a side that is tilted by 45 degrees, this makes lengths wrong by 0.1 %.
 const TURN: f64 = 2e-3;
-
-/// Sides with at least this squared slope, a tilt of 60 degrees, are not marked.
-const STEEP: f64 = 3.0;
 
 /// A side of the part with fewer nodes is not fitted for its own sake.
 const LEAST_SIDE: usize = 3;
@@ -482,7 +479,7 @@ impl FittedSurface {
         let (mut squares_before, mut squares_after, mut count) = (0.0, 0.0, 0usize);
         for (column, row, height) in field.surface_nodes() {
             let node = row * columns + column;
-            if in_core(node) && !near[node] && slopes[node].gradient.norm_squared() <= STEEP {
+            if in_core(node) && !near[node] && slopes[node].gradient.norm_squared() <= STEEPEST_REFINED {
                 squares_before += (height - of_before[node]).powi(2);
                 squares_after += surface.differences[node].powi(2);
                 count += 1;
@@ -595,7 +592,7 @@ impl FittedSurface {
                 true => samples.sides[node].is_some_and(|side| narrow.contains(&side)),
                 false => self.differences[node].abs() > times * tolerance * (1.0 + steep).sqrt(),
             };
-            *missed &= steep <= STEEP && matches!(self.field.nodes()[node], Node::Surface(_));
+            *missed &= steep <= STEEPEST_REFINED && matches!(self.field.nodes()[node], Node::Surface(_));
         }
         missed
     }
