@@ -7,7 +7,7 @@
 //! |---|---|
 //! | which facets continue each other, and where edges are | `plane_polygons`, `plane_facets`, `sections`, `creases`, `ring_limits`, `hidden_arcs` |
 //! | normals from the facets round a vertex | `arcs`, `long_sides`, `straightest` |
-//! | normals from the face on which its vertices are | `round`, `ends`, `rivals`, `settling`, then `cylinders`, `spheres`, `caps`, `cambers`; `plane_curve`, `strips`, `curve_strip`, `free_outlines`; `rings`, `profile`, `turned` |
+//! | normals from the face on which its vertices are | `round`, `round_group`, `ends`, `rivals`, `settling`, then `cylinders`, `spheres`, `caps`, `cambers`; `plane_curve`, `strips`, `curve_strip`, `free_outlines`; `rings`, `profile`, `turned` |
 //! | what stays in doubt | `chains`, `exact_normals`, `scatter`, `slopes` |
 
 mod joining;
@@ -23,6 +23,7 @@ mod long_sides;
 mod straightest;
 
 mod round;
+mod round_group;
 mod ends;
 mod rivals;
 mod settling;

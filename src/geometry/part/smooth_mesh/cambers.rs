@@ -10,10 +10,11 @@
 use nalgebra::{Point3, Vector3};
 
 use super::creases::Facing;
-use super::cylinders::{Group, LEAST_ANGLES, LEAST_VERTICES, OnMesh, SAME_ANGLE};
+use super::cylinders::OnMesh;
 use super::ends::{Surroundings, precision, rounding};
 use super::rivals::{Others, cylinders, mean_normal, others, squares};
 use super::round::{Camber, Round};
+use super::round_group::{Group, LEAST_ANGLES, LEAST_VERTICES, SAME_ANGLE};
 use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle, sliver_side};
 use crate::geometry::fork::{Fork, mapped};

@@ -16,6 +16,7 @@ use super::chains;
 use super::ends::{Ruled, Surface, Surroundings, precision, rounding};
 use super::rivals::{Others, apart, others};
 use super::round::{Camber, Round};
+use super::round_group::{FINER, Group, LONG, SAME_NORMAL, bulge_on};
 use super::settling::Settling;
 use super::{MOST_BEND, MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle};
@@ -23,12 +24,6 @@ use crate::geometry::cone::Cone;
 use crate::geometry::fork::{Fork, found, look_ahead};
 use search::{Search, Seen};
 
-/// Vertices at this many angles round the axis show a circle: three define it, and two confirm it.
-pub(super) const LEAST_ANGLES: usize = 5;
-/// Five vertices define a cylinder; by chance, five more are not on it.
-pub(super) const LEAST_VERTICES: usize = 10;
-/// Angles that differ by less than this, rad, are one.
-pub(super) const SAME_ANGLE: f64 = 1e-3;
 /// The facets of a cylinder leave it by at least this many times the tolerance of a vertex (`near`). Short
 /// pieces of any smooth curve are arcs, and on fine meshes the vertices round the facets show their normals
 /// well.
@@ -36,11 +31,6 @@ const LEAST_BULGE: f64 = 50.0;
 /// The same limit at the ends of long facets, where the vertices round the facets do not show their normals
 /// well.
 const LEAST_BULGE_OF_LONG: f64 = 10.0;
-/// A facet is long if one side is this many times as long as another.
-const LONG: f64 = 4.0;
-/// Long facets may leave their cylinder by only this share of [`LEAST_BULGE_OF_LONG`], if enough of them are
-/// on one cylinder.
-const FINER: f64 = 0.1;
 /// A strip is searched for only where estimated normals let a facet leave its cylinder by at least this share
 /// of the limit. Half of the facets of a strip must leave the cylinder by the limit itself.
 const ESTIMATED: f64 = 0.8;
@@ -54,44 +44,6 @@ const SIDE_BY_SIDE: f64 = 0.9;
 /// Beyond the side of a twisted prism, facets turn by less than this share of the turn of facets beside one
 /// of the cylinder.
 const CONTINUES_FLAT: f64 = 0.75;
-/// A triangle is that of the cylinder where its normals differ from the cylinder's by less than this, rad.
-const SAME_NORMAL: f64 = 1e-3;
-
-/// The facets of a mesh that are on one cylinder or cone.
-pub(super) struct Group {
-    round: Round,
-    /// Its vertices may be off by this, mm.
-    near: f64,
-    /// How far its facets may leave it, mm.
-    most: f64,
-    /// In the order in which they are found.
-    triangles: Vec<usize>,
-    /// Another one on which its vertices may be as well.
-    rival: Option<Round>,
-}
-
-impl Group {
-    /// Those of these triangles, whose vertices are on a cylinder within `near`, mm.
-    pub(super) fn of(mesh: &SmoothMesh, round: Round, near: f64, triangles: Vec<usize>) -> Self {
-        let most = triangles.iter().map(|&triangle| bulge_on(mesh, &round, triangle)).fold(0.0, f64::max);
-        Self { round, near, most, triangles, rival: None }
-    }
-
-    /// The sides of its triangles with `estimated` normals that run along it without a bend, each with its triangle.
-    fn straight_sides(&self, mesh: &SmoothMesh, estimated: &[bool]) -> Vec<(usize, [u32; 2])> {
-        let is_straight = |ends: &[u32; 2]| {
-            let [one, other] = ends.map(|end| self.round.outward(&mesh.positions[end as usize]));
-            one.cross(&other).norm() < SAME_NORMAL
-        };
-        let sides = |&triangle: &usize| {
-            let [a, b, c] = mesh.triangles[triangle];
-            [[a, b], [b, c], [c, a]].map(|ends| (triangle, ends))
-        };
-        let is_open = |ends: &[u32; 2]| ends.iter().any(|&end| estimated[end as usize]);
-        let sides = self.triangles.iter().flat_map(sides);
-        sides.filter(|(_, ends)| is_open(ends) && is_straight(ends)).collect()
-    }
-}
 
 /// The triangles of cylinders and cones that have their normals.
 #[derive(Default)]
@@ -419,13 +371,6 @@ impl Ruled for OnMesh<'_> {
         points.retain(|point| round.distance(point).abs() <= *near);
         round.shown_bend(&points, curvature)
     }
-}
-
-/// How far the sides of a triangle are from the cylinder at their middles, at most, mm.
-pub(super) fn bulge_on(mesh: &SmoothMesh, round: &Round, triangle: usize) -> f64 {
-    let [a, b, c] = mesh.corners(triangle).0;
-    let middles = [[a, b], [b, c], [c, a]].map(|[from, to]| nalgebra::center(&from, &to));
-    middles.map(|middle| round.distance(&middle).abs()).into_iter().fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -572,4 +572,6 @@ impl<'a> Search<'a> {
 }
 
 #[cfg(test)]
+mod rounded_tests;
+#[cfg(test)]
 mod tests;

@@ -2,13 +2,15 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::{FINER, Group, LEAST_ANGLES, LEAST_VERTICES, LONG, SAME_ANGLE, bulge_on};
 use crate::geometry::adjacency::{NONE, facet_normal, middle, sliver_side, width};
 use crate::geometry::flats::{CHORD_OF_ROUND, MOST_IN_TURN};
 use crate::geometry::shape_fit::cross_directions;
 use crate::geometry::smooth_mesh::SmoothMesh;
 use crate::geometry::smooth_mesh::plane_facets::PlaneFacets;
 use crate::geometry::smooth_mesh::round::{Plane, Round};
+use crate::geometry::smooth_mesh::round_group::{
+    FINER, Group, LEAST_ANGLES, LEAST_VERTICES, LONG, SAME_ANGLE, bulge_on,
+};
 
 /// Long facets may leave their cylinder by less (`FINER`) where this many triangles on either side of the first are on one cylinder.
 const REACH_OF_FINER: usize = 16;

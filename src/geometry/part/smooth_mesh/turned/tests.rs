@@ -1,5 +1,3 @@
-mod rounded;
-
 use std::f64::consts::{PI, TAU};
 
 use super::*;
