@@ -82,6 +82,7 @@ mod worker;
 
 pub use address::Address;
 pub use error::{FleetError, Needed, Refusal};
+#[cfg(feature = "cli")]
 pub(crate) use jobs::short_id;
 pub use jobs::{JobRow, Jobs, Sending, Sent, TakeOver, TakenOver, send, take_over};
 pub use member::{Member, Running};

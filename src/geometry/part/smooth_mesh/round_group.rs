@@ -11,8 +11,8 @@ pub(super) const LEAST_VERTICES: usize = 10;
 pub(super) const SAME_ANGLE: f64 = 1e-3;
 /// A facet is long if one side is this many times as long as another.
 pub(super) const LONG: f64 = 4.0;
-/// Long facets may leave their cylinder by only this share of [`LEAST_BULGE_OF_LONG`], if enough of them are
-/// on one cylinder.
+/// Long facets may leave their cylinder by only this share of what others of their kind do, if enough of them
+/// are on one cylinder.
 pub(super) const FINER: f64 = 0.1;
 /// A triangle is that of the cylinder where its normals differ from the cylinder's by less than this, rad.
 pub(super) const SAME_NORMAL: f64 = 1e-3;
