@@ -17,7 +17,7 @@ use super::ends::{Ruled, Surface, Surroundings, precision, rounding};
 use super::rivals::{Others, apart, others};
 use super::round::{Camber, Round};
 use super::round_group::{FINER, Group, LONG, SAME_NORMAL, bulge_on};
-use super::settling::Settling;
+use super::settling::{Estimates, Settling};
 use super::{MOST_BEND, MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, WELD_DISTANCE, facet_normal, middle};
 use crate::geometry::cone::Cone;
@@ -73,26 +73,26 @@ impl Rounds {
     }
 }
 
-/// Replaces normals that are `estimated` by the normals of the cylinders and cones that their vertices show,
-/// and their `deviations` by 0. Normals of cones are as exact as those of a file, and are not estimated any
+/// Replaces estimated normals by the normals of the cylinders and cones that their vertices show, and their
+/// deviations by 0. Normals of cones are as exact as those of a file, and are not estimated any
 /// more. At an edge that the facets beyond show, the cylinders and cones get vertices of their own. Vertices
 /// on their chords move onto them. `written` are the positions as the file states them; `cambers` are known.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
     written: &[Point3<f64>],
     cambers: &[Camber],
-    estimated: &mut Vec<bool>,
-    deviations: &mut Vec<f64>,
+    estimates: &mut Estimates,
     fork: &dyn Fork,
 ) -> Rounds {
     let count = mesh.triangles.len();
-    if count > MOST_SEARCHED || !estimated.contains(&true) {
+    if count > MOST_SEARCHED || !estimates.is_estimated.contains(&true) {
         return Rounds::default();
     }
     let near = precision(mesh);
     let mut is_known = vec![false; count];
     let rounding = rounding(written);
     let mut groups = groups_of(mesh, cambers, near.max(rounding), &mut is_known, fork);
+    let estimated = &estimates.is_estimated;
     groups.extend(certain_groups(mesh, estimated, near, &mut is_known, fork));
     // What rounding hides is looked for last: it asks for facets that leave the part farther.
     if rounding > near {
@@ -115,7 +115,7 @@ pub(super) fn settle(
             }
         }
     }
-    let mut settling = Settling::of(mesh, estimated, deviations);
+    let mut settling = Settling::of(mesh, estimates);
     for (group, at_edges, is_hollow) in &groups {
         let way = if *is_hollow { -1.0 } else { 1.0 };
         let normal = |mesh: &SmoothMesh, vertex: u32| {
@@ -135,8 +135,7 @@ pub(super) fn settle(
             mesh.triangles[triangle][corner] = mesh.positions.len() as u32;
             mesh.positions.push(corners[corner]);
             mesh.normals.push(group.round.outward(&middle(corners)) * way);
-            estimated.push(false);
-            deviations.extend((!deviations.is_empty()).then_some(0.0));
+            estimates.push(false);
         }
     }
     let mut rounds = Rounds { is_cylinder: vec![false; count], on_cones: Vec::new(), apart: Vec::new() };
@@ -162,10 +161,7 @@ pub(super) fn settle(
             for (vertex, _) in
                 mesh.triangles[triangle].into_iter().zip(&is_known).filter(|(_, known)| **known)
             {
-                estimated[vertex as usize] = false;
-                if let Some(deviation) = deviations.get_mut(vertex as usize) {
-                    *deviation = 0.0;
-                }
+                estimates.set_known(vertex);
             }
             if !is_known.contains(&false) {
                 rounds.on_cones.push((triangle, cone));

@@ -15,6 +15,7 @@ use super::long_sides;
 use super::plane_polygons;
 use super::round::Camber;
 use super::sections::Facets;
+use super::settling::Estimates;
 use super::spheres;
 use super::strips;
 use super::turned;
@@ -320,16 +321,16 @@ impl SmoothMesh {
             beside_arcs: hidden_arcs::directions(&hidden),
             cones: Vec::new(),
         };
-        let (mut estimated, mut deviations) = smooth.complete_normals(fork);
-        let double_bends = smooth.double_bends(&hidden, &estimated);
+        let mut estimates = smooth.complete_normals(fork);
+        let double_bends = smooth.double_bends(&hidden, &estimates.is_estimated);
         let cambers = &known.cambers;
         let written = mesh.positions();
-        let rounds = cylinders::settle(&mut smooth, written, cambers, &mut estimated, &mut deviations, fork);
+        let rounds = cylinders::settle(&mut smooth, written, cambers, &mut estimates, fork);
         let is_round = &rounds.is_cylinder;
-        let edges = spheres::settle(&mut smooth, &mut estimated, &mut deviations, is_round, fork);
+        let edges = spheres::settle(&mut smooth, &mut estimates, is_round, fork);
         // Flat sides that are cut from spheres are only known together with these, and cambers only where they are not.
         if known.is_nothing() {
-            let (creases, estimated) = (&creases, &estimated);
+            let (creases, estimated) = (&creases, &estimates.is_estimated);
             let cambers =
                 cambers::found(&smooth, &cambers::Shown { creases, estimated, is_round, written }, fork);
             let known = Known { edges, cambers };
@@ -337,15 +338,17 @@ impl SmoothMesh {
                 return Self::with_known(mesh, view, &known, fork);
             }
         }
-        smooth.trust(is_round, &mut deviations);
-        let of_strips = strips::settle(&mut smooth, &mut estimated, &mut deviations, is_round, &hidden, fork);
+        smooth.trust(is_round);
+        let round = smooth.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round);
+        round.for_each(|(corners, _)| corners.iter().for_each(|&vertex| estimates.trust(vertex)));
+        let of_strips = strips::settle(&mut smooth, &mut estimates, is_round, &hidden, fork);
         let near = precision(&smooth).max(ends::rounding(mesh.positions()));
-        let before = || smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
-        let of_turned = turned::found(&smooth, &estimated, is_round, near, before, fork);
-        of_turned.settle(&mut smooth, &mut estimated, &mut deviations);
+        let before = || smooth.found_slope_doubts(&estimates, &hidden, fork);
+        let of_turned = turned::found(&smooth, &estimates.is_estimated, is_round, near, before, fork);
+        of_turned.settle(&mut smooth, &mut estimates);
         smooth.creases = smooth.edges_between(beside, is_round);
         smooth.doubt_rounded(&rounded);
-        smooth.slope_doubts = smooth.found_slope_doubts(&estimated, &deviations, &hidden, fork);
+        smooth.slope_doubts = smooth.found_slope_doubts(&estimates, &hidden, fork);
         smooth.replace_slope_doubts(of_strips);
         smooth.cones = rounds.cones(&smooth);
         let of_cone = |triangle: usize| double_bends.get(&triangle).map_or(0.0, |doubt| OF_TURNED * doubt);
@@ -354,9 +357,9 @@ impl SmoothMesh {
         smooth.replace_slope_doubts(of_cones);
         of_turned.add_doubts(&mut smooth.slope_doubts, smooth.triangles.len());
         smooth.doubt_flat_shading(mesh);
-        smooth.trust(is_round, &mut []);
+        smooth.trust(is_round);
         if !only_shades {
-            smooth.trust_exact_normals(&estimated, near, fork);
+            smooth.trust_exact_normals(&estimates.is_estimated, near, fork);
         }
         smooth.doubt_rivals(&rounds.apart);
         smooth
@@ -407,19 +410,14 @@ impl SmoothMesh {
         doubts.into_iter().for_each(|(triangle, doubt)| self.slope_doubts[triangle] = doubt);
     }
 
-    /// Leaves no doubt about the triangles that are on a cylinder, and no `deviations` of the normals of their vertices.
-    fn trust(&mut self, is_round: &[bool], deviations: &mut [f64]) {
+    /// Leaves no doubt about the triangles that are on a cylinder.
+    fn trust(&mut self, is_round: &[bool]) {
         for triangle in (0..is_round.len()).filter(|&triangle| is_round[triangle]) {
             if let Some(doubt) = self.doubts.get_mut(triangle) {
                 *doubt = 0.0;
             }
             if let Some(doubt) = self.slope_doubts.get_mut(triangle) {
                 *doubt = 0.0;
-            }
-            for vertex in self.triangles[triangle] {
-                if let Some(deviation) = deviations.get_mut(vertex as usize) {
-                    *deviation = 0.0;
-                }
             }
         }
     }
@@ -461,10 +459,9 @@ impl SmoothMesh {
         }
     }
 
-    /// Makes the summed normals unit vectors, and estimates a normal where there is none. Returns for each
-    /// vertex whether its normal is estimated, and the standard deviation of the estimate, rad; 0 if only the
-    /// facets round the vertex show it. Without estimates there are no deviations.
-    pub(super) fn complete_normals(&mut self, fork: &dyn Fork) -> (Vec<bool>, Vec<f64>) {
+    /// Makes the summed normals unit vectors, and estimates a normal where there is none. Returns the
+    /// estimates; those that only the facets round the vertex show have no deviation.
+    pub(super) fn complete_normals(&mut self, fork: &dyn Fork) -> Estimates {
         let is_missing: Vec<bool> = self.normals.iter().map(|normal| *normal == Vector3::zeros()).collect();
         if is_missing.contains(&true) {
             for triangle in &self.triangles {
@@ -525,7 +522,7 @@ impl SmoothMesh {
                 deviations[vertex as usize] = estimate.deviation;
             }
         }
-        (is_missing, deviations)
+        Estimates::new(is_missing, deviations)
     }
 
     /// For each vertex whether its normal and that at the other end of an edge bend this notably: where they do not, estimates from

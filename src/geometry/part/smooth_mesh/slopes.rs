@@ -23,6 +23,7 @@ use nalgebra::Vector3;
 use super::SmoothMesh;
 use super::chains::{Chains, NEGLIGIBLE_BULGE, ON_ONE_LINE};
 use super::hidden_arcs::HiddenArc;
+use super::settling::Estimates;
 use super::straightest::{STRAIGHT, Straightest};
 use crate::geometry::adjacency::{NONE, Neighbours, least_width, spread, width};
 use crate::geometry::chord_normals::{Chord, are_of_smooth_curves};
@@ -96,15 +97,15 @@ impl SmoothMesh {
     /// It is the patch's [share](Self::share_of_turn) of several angles: the angle to the patches of its
     /// neighbours at the middles of their common sides; the angle between the patch and the curve that
     /// crosses there, or the twist of the part there, together with the uneven leans of normals; or the error
-    /// that the chords of `estimated` normals leave open, and the `deviations` of these, rad. `hidden` are
+    /// that the chords of estimated normals leave open, and the deviations of these, rad. `hidden` are
     /// the arcs that edges may be beside vertices that are estimated.
     pub(super) fn found_slope_doubts(
         &self,
-        estimated: &[bool],
-        deviations: &[f64],
+        estimates: &Estimates,
         hidden: &[HiddenArc],
         fork: &dyn Fork,
     ) -> Vec<f32> {
+        let estimated = &estimates.is_estimated;
         let bulges = |triangle: usize| self.faces_laser(triangle) && self.bulges(triangle);
         let bulging = found(fork, self.triangles.len(), |triangle| bulges(triangle).then_some(triangle));
         if bulging.is_empty() && hidden.is_empty() {
@@ -160,11 +161,17 @@ impl SmoothMesh {
             let of_patches = if count > 0.0 { squares / count } else { 0.0 };
             let of_curve =
                 self.lean_doubt(triangle, estimated, &is_at_rim, &straightest).max(of_chords(triangle));
-            let deviation = |vertex: u32| deviations.get(vertex as usize).copied().unwrap_or(0.0);
             // The chords of a strip show the error better.
             let of_normals = match is_extruded {
                 true => 0.0,
-                false => corners.map(deviation).into_iter().map(|rad| rad * rad).sum::<f64>() / 3.0,
+                false => {
+                    corners
+                        .map(|corner| estimates.deviation(corner))
+                        .into_iter()
+                        .map(|rad| rad * rad)
+                        .sum::<f64>()
+                        / 3.0
+                }
             };
             let of_scatter = self.scatter_doubt(triangle, estimated, &scatter);
             let of_vertices = of_scatter.max(self.rounding_doubt(triangle)).powi(2);

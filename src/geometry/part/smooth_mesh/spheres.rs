@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use super::caps;
 use super::creases::Facing;
 use super::ends::{Surface, Surroundings, precision};
-use super::settling::Settling;
+use super::settling::{Estimates, Settling};
 use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal, sliver_side};
 use crate::geometry::fork::{Fork, join};
@@ -91,27 +91,26 @@ impl Surface for Ball<'_> {
     }
 }
 
-/// Replaces normals that are `estimated` by the normals of the spheres that their vertices show. They are as
-/// exact as those of a file, are not estimated any more, and have no `deviations`. Normals of the file that
+/// Replaces estimated normals by the normals of the spheres that their vertices show. They are as exact as
+/// those of a file, are not estimated any more, and have no deviations. Normals of the file that
 /// are nearly right, as averages of the facets round a vertex are, are replaced in the same way. `is_round`
 /// are the triangles whose normals are known. At an edge that the facets beyond show, the sphere gets
 /// vertices of its own. Returns the edges of flat sides that are cut from the spheres, in ascending order.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
-    estimated: &mut Vec<bool>,
-    deviations: &mut Vec<f64>,
+    estimates: &mut Estimates,
     is_round: &[bool],
     fork: &dyn Fork,
 ) -> Vec<Facing> {
     if mesh.triangles.len() > MOST_SEARCHED {
         return Vec::new();
     }
-    let is_open = open(mesh, estimated);
+    let is_open = open(mesh, &estimates.is_estimated);
     if !is_open.contains(&true) {
         return Vec::new();
     }
     let mut edges = Vec::new();
-    let found = balls(mesh, estimated, &is_open, is_round, &mut edges, fork);
+    let found = balls(mesh, &estimates.is_estimated, &is_open, is_round, &mut edges, fork);
     if found.is_empty() {
         return edges;
     }
@@ -126,13 +125,13 @@ pub(super) fn settle(
             let vertex = vertex as usize;
             let outward = sphere.outward(&mesh.positions[vertex]) * *way;
             let is_near = mesh.normals[vertex].dot(&outward) > MOST_OFF.cos();
-            if !estimated[vertex] && !is_known[vertex] && is_near {
-                estimated[vertex] = true;
+            if !estimates.is_estimated[vertex] && !is_known[vertex] && is_near {
+                estimates.is_estimated[vertex] = true;
                 replaced.push(vertex);
             }
         }
     }
-    let mut settling = Settling::of(mesh, estimated, deviations);
+    let mut settling = Settling::of(mesh, estimates);
     for (sphere, triangles, at_edges, way) in &found {
         let normal = |mesh: &SmoothMesh, vertex: u32| {
             let is_open = is_known.get(vertex as usize) == Some(&false);
@@ -140,15 +139,11 @@ pub(super) fn settle(
         };
         settling.set(triangles, at_edges, normal);
     }
-    replaced.into_iter().for_each(|vertex| estimated[vertex] = false);
+    replaced.into_iter().for_each(|vertex| estimates.is_estimated[vertex] = false);
     let of_balls = found.iter().flat_map(|(_, triangles, ..)| triangles);
     for vertex in of_balls.flat_map(|&triangle| mesh.triangles[triangle]) {
-        let vertex = vertex as usize;
-        if is_known.get(vertex) != Some(&true) {
-            estimated[vertex] = false;
-            if let Some(deviation) = deviations.get_mut(vertex) {
-                *deviation = 0.0;
-            }
+        if is_known.get(vertex as usize) != Some(&true) {
+            estimates.set_known(vertex);
         }
     }
     edges.sort_unstable();
@@ -556,9 +551,9 @@ mod tests {
             .iter()
             .map(|&corners| mesh.corners(corners).iter().all(|at| at.x < 0.0))
             .collect();
-        let mut estimated = vec![false; cap.positions.len()];
-        settle(&mut cap, &mut estimated, &mut Vec::new(), &is_round, &crate::geometry::fork::InTurn);
-        assert!(!estimated.contains(&true));
+        let mut estimates = Estimates::new(vec![false; cap.positions.len()], Vec::new());
+        settle(&mut cap, &mut estimates, &is_round, &crate::geometry::fork::InTurn);
+        assert!(!estimates.is_estimated.contains(&true));
         for (corners, _) in mesh.triangles().iter().zip(&is_round).filter(|(_, is_round)| **is_round) {
             for vertex in corners.map(|vertex| vertex as usize) {
                 assert_eq!(cap.normals[vertex], mesh.normals()[vertex]);

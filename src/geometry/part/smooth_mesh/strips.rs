@@ -13,7 +13,7 @@ use super::curve_strip::CurveStrip;
 use super::ends::{Ruled, Surface, Surroundings, precision, range};
 use super::free_outlines;
 use super::hidden_arcs::HiddenArc;
-use super::settling::Settling;
+use super::settling::{Estimates, Settling};
 use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours, facet_normal};
 use crate::geometry::disjoint_sets::DisjointSets;
@@ -41,18 +41,17 @@ const MOST_STEPS_IN_ALL: usize = 1_000_000;
 /// their neighbours are enough to estimate their normals well.
 const MOST_VISITS: usize = 20_000;
 
-/// Replaces normals that are `estimated` at the vertices of extruded strips, and their `deviations`; `is_round` are the triangles
+/// Replaces estimated normals at the vertices of extruded strips; `is_round` are the triangles
 /// whose normals are known. Returns the doubts of the slopes of the strips' triangles, rad; `hidden` are the arcs that edges
 /// may be.
 pub(super) fn settle(
     mesh: &mut SmoothMesh,
-    estimated: &mut Vec<bool>,
-    deviations: &mut Vec<f64>,
+    estimates: &mut Estimates,
     is_round: &[bool],
     hidden: &[HiddenArc],
     fork: &dyn Fork,
 ) -> Vec<(usize, f32)> {
-    let strips = certain_strips(mesh, estimated, is_round, hidden, fork);
+    let strips = certain_strips(mesh, &estimates.is_estimated, is_round, hidden, fork);
     if strips.is_empty() {
         return Vec::new();
     }
@@ -60,7 +59,7 @@ pub(super) fn settle(
     for (corners, _) in mesh.triangles.iter().zip(is_round).filter(|(_, is_round)| **is_round) {
         corners.iter().for_each(|&vertex| is_known[vertex as usize] = true);
     }
-    let mut settling = Settling::of(mesh, estimated, deviations);
+    let mut settling = Settling::of(mesh, estimates);
     let mut doubts = Vec::new();
     for strip in strips {
         let normal = |_: &SmoothMesh, vertex: u32| {
@@ -150,7 +149,7 @@ fn certain_strips(
                 strips.push(Settled::along_curve(&strip, axis, surroundings.at_edges(&strip), hidden));
                 return true;
             }
-            let (strip, missing, deviations) = Strip::of(mesh, axis, triangles, estimated, is_round, fork);
+            let (strip, estimates) = Strip::of(mesh, axis, triangles, estimated, is_round, fork);
             if !surroundings.confirm(&strip, &mut around) {
                 return true;
             }
@@ -160,7 +159,7 @@ fn certain_strips(
                 (arc.edge.cross(&axis).norm() < CONTAINS).then_some(HiddenArc { triangle, ..*arc })
             };
             let hidden: Vec<HiddenArc> = hidden.iter().filter_map(own).collect();
-            let mut doubts = strip.alone.found_slope_doubts(&missing, &deviations, &hidden, fork);
+            let mut doubts = strip.alone.found_slope_doubts(&estimates, &hidden, fork);
             doubts.resize(strip.triangles.len(), 0.0);
             let at_edges = surroundings.at_edges(&strip);
             let Strip { triangles, vertices, alone, .. } = strip;
@@ -366,7 +365,7 @@ impl<'a> Strip<'a> {
         estimated: &[bool],
         is_round: &[bool],
         fork: &dyn Fork,
-    ) -> (Self, Vec<bool>, Vec<f64>) {
+    ) -> (Self, Estimates) {
         let mut vertices: Vec<u32> =
             triangles.iter().flat_map(|&triangle| mesh.triangles[triangle]).collect();
         vertices.sort_unstable();
@@ -398,15 +397,18 @@ impl<'a> Strip<'a> {
             rounding: mesh.rounding,
             ..SmoothMesh::default()
         };
-        let (missing, deviations) = alone.complete_normals(fork);
-        for normal in
-            alone.normals.iter_mut().zip(&missing).filter_map(|(normal, missing)| missing.then_some(normal))
+        let estimates = alone.complete_normals(fork);
+        for normal in alone
+            .normals
+            .iter_mut()
+            .zip(&estimates.is_estimated)
+            .filter_map(|(normal, missing)| missing.then_some(normal))
         {
             let across = *normal - axis * normal.dot(&axis);
             *normal = across.try_normalize(0.0).unwrap_or(*normal);
         }
         let around = Neighbours::of(&alone.triangles, alone.positions.len());
-        (Self { mesh, axis, triangles, vertices, alone, around }, missing, deviations)
+        (Self { mesh, axis, triangles, vertices, alone, around }, estimates)
     }
 
     /// The vertices of the strip at the ends of a side of the mesh.

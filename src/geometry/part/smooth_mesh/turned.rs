@@ -15,7 +15,7 @@ use super::ends::{Surface, Surroundings};
 use super::plane_curve::Place;
 use super::profile::{Profile, RingPlace};
 use super::rings::{Axis, LEAST_ON_RING, LEAST_RINGS, MOST_BESIDE, Rings, curves};
-use super::settling::Settling;
+use super::settling::{Estimates, Settling};
 use super::{MOST_SEARCHED, SmoothMesh};
 use crate::geometry::adjacency::{NONE, Neighbours};
 use crate::geometry::fork::Fork;
@@ -199,25 +199,20 @@ pub(super) fn found(
 }
 
 impl Settled {
-    /// Replaces the normals that are `estimated`, and their `deviations` by 0. The new normals are as exact
-    /// as those of a file, and are not estimated any more.
-    pub(super) fn settle(&self, mesh: &mut SmoothMesh, estimated: &mut Vec<bool>, deviations: &mut Vec<f64>) {
+    /// Replaces the normals that are estimated. The new normals are as exact as those of a file, and are not
+    /// estimated any more.
+    pub(super) fn settle(&self, mesh: &mut SmoothMesh, estimates: &mut Estimates) {
         let normal_of = |face: &SettledFace, vertex: u32| {
             let index = face.vertices.binary_search_by_key(&vertex, |(vertex, _)| *vertex).ok()?;
             Some(face.vertices[index].1)
         };
-        let mut settling = Settling::of(mesh, estimated, deviations);
+        let mut settling = Settling::of(mesh, estimates);
         let mut settled = Vec::new();
         for face in &self.faces {
             settled
                 .extend(settling.set(&face.triangles, &face.at_edges, |_, vertex| normal_of(face, vertex)));
         }
-        for vertex in settled {
-            estimated[vertex as usize] = false;
-            if let Some(deviation) = deviations.get_mut(vertex as usize) {
-                *deviation = 0.0;
-            }
-        }
+        settled.into_iter().for_each(|vertex| estimates.set_known(vertex));
     }
 
     /// Adds what the profiles leave in doubt to the doubts about the slopes of the triangles, rad.

@@ -126,10 +126,10 @@ fn a_square_cushion_is_not_turned() {
 fn where_the_facets_show_as_much_nothing_changes() {
     let mut mesh = SmoothMesh::new(&staggered(&bracelet(17)), &View::top());
     let before = mesh.clone();
-    let mut estimated = vec![true; mesh.positions.len()];
+    let mut estimates = Estimates::new(vec![true; mesh.positions.len()], Vec::new());
     let without_doubt = || vec![0.0; before.triangles.len()];
-    let found = found(&before, &estimated, &[], 1e-4, without_doubt, &InTurn);
-    found.settle(&mut mesh, &mut estimated, &mut Vec::new());
+    let found = found(&before, &estimates.is_estimated, &[], 1e-4, without_doubt, &InTurn);
+    found.settle(&mut mesh, &mut estimates);
     assert_eq!(mesh, before);
-    assert!(!estimated.contains(&false));
+    assert!(!estimates.is_estimated.contains(&false));
 }
