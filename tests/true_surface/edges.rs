@@ -339,13 +339,18 @@ fn a_short_cone_between_the_cylinders_of_a_cad_mesh_ends_at_edges() {
         (36.0, 6.0, 22.0, [85, 60, 82]),
         (25.0, 5.0, 14.0, [58, 41, 56]),
         (18.0, 4.0, 20.0, [54, 38, 52]),
+        // Nothing between the ends of the cone, in a coarse and in a fine mesh.
+        (36.0, 6.0, 12.0, [60, 0, 58]),
+        (36.0, 6.0, 12.0, [189, 0, 184]),
     ] {
         let drop = length * f64::to_radians(degrees).tan();
         let distance = |x: f64| radius - drop * (x / length + 0.5).clamp(0.0, 1.0);
         let [first, inner, last] = counts;
         let places =
             [(-30.0, first), (-length / 2.0, first), (0.0, inner), (length / 2.0, last), (30.0, last)];
-        let part = turned_by_cad(&places.map(|(x, count)| (x, distance(x), count)));
+        let rings: Vec<_> = places.iter().filter(|(_, count)| *count > 0).collect();
+        let rings: Vec<_> = rings.into_iter().map(|&(x, count)| (x, distance(x), count)).collect();
+        let part = turned_by_cad(&rings);
         let height = |x: f64, y: f64| (distance(x).powi(2) - y * y).sqrt();
         let (miss, at) = largest_miss(&sampled(&part), |x, y| {
             let from_edge = (x.abs() - length / 2.0).abs();
@@ -356,6 +361,28 @@ fn a_short_cone_between_the_cylinders_of_a_cad_mesh_ends_at_edges() {
         let [reported, truth] = judged(&surface.unwrap(), height).map(|of| of.length_error);
         assert!(truth < reported + SLACK[0], "{radius} {degrees}: {truth} is reported as {reported}");
     }
+}
+
+fn assert_no_edges(samples: &PartSamples, half: [f64; 2], name: &str) {
+    let columns = samples.field.size().0;
+    for (index, is_at_edge) in samples.is_at_edge.iter().enumerate() {
+        let at = samples.field.position(index % columns, index / columns);
+        let is_inside = at.x.abs() < half[0] && at.y.abs() < half[1];
+        assert!(!(is_inside && *is_at_edge), "{name}: {at:?}");
+    }
+}
+
+/// Meshes of which the size of the facets is given have other numbers of vertices on each ring, and no other limits.
+#[test]
+fn two_tangent_arcs_of_one_facet_each_have_no_edges_in_a_mesh_of_equal_facets() {
+    let (radius, arc, degrees) = (15.0f64, 4.0, 28.0f64);
+    let [along, down] = [arc * degrees.to_radians().sin(), arc * (1.0 - degrees.to_radians().cos())];
+    let size = 2.0 * arc * (degrees.to_radians() / 2.0).sin();
+    let ring = |x: f64, out: f64| (x, out, (TAU * out / size).round() as u32);
+    let before = (0..8).rev().map(|step| ring(-along - size * f64::from(step), radius));
+    let after = (0..8).map(|step| ring(along + size * f64::from(step), radius - 2.0 * down));
+    let rings: Vec<_> = before.chain([ring(0.0, radius - down)]).chain(after).collect();
+    assert_no_edges(&sampled(&turned_by_cad(&rings)), [12.0, 9.0], "two arcs");
 }
 
 #[test]
@@ -375,13 +402,8 @@ fn a_smooth_profile_that_cad_cuts_as_finely_as_its_rings_has_no_edges() {
                 (x, distance(x), (times * fits).ceil() as u32 + number % 3)
             })
             .collect();
-        let samples = sampled(&turned_by_cad(&rings));
-        let columns = samples.field.size().0;
-        for (index, is_at_edge) in samples.is_at_edge.iter().enumerate() {
-            let at = samples.field.position(index % columns, index / columns);
-            let is_inside = at.x.abs() < 28.0 && at.y.abs() < 0.8 * (radius - amplitude);
-            assert!(!(is_inside && *is_at_edge), "{amplitude} {radius}: {at:?}");
-        }
+        let half = [28.0, 0.8 * (radius - amplitude)];
+        assert_no_edges(&sampled(&turned_by_cad(&rings)), half, &format!("{amplitude} {radius}"));
     }
 }
 
@@ -498,13 +520,7 @@ fn round_parts_have_no_edges() {
     for form in ALL {
         for sag in [0.02, 0.1, 0.5] {
             let samples = sampled(&form.mesh(sag, Normals::Missing));
-            let field = &samples.field;
-            let columns = field.size().0;
-            for (index, is_at_edge) in samples.is_at_edge.iter().enumerate() {
-                let at = field.position(index % columns, index / columns);
-                let is_inside = at.x.abs() < 18.0 && at.y.abs() < 18.0;
-                assert!(!(is_inside && *is_at_edge), "{} with a sag of {sag} mm, at {at:?}", form.name);
-            }
+            assert_no_edges(&samples, [18.0; 2], &format!("{} with a sag of {sag} mm", form.name));
             assert!(samples.doubts.iter().all(|doubt| *doubt == 0.0), "{} {sag}", form.name);
         }
     }

@@ -4,7 +4,7 @@ use nalgebra::Point3;
 
 /// At most this many positions are looked at; those of larger meshes are sampled evenly.
 const SAMPLE: usize = 800;
-/// The finest step, as a negative power of ten. Finer steps do not show.
+/// The finest step is 10 to the power of minus this, mm or inches. Finer steps do not show.
 const FINEST: i32 = 4;
 /// A coordinate is a multiple of a step if it differs from one by at most this share of the step. If
 /// [`SINGLE`] allows more, that applies.

@@ -25,7 +25,8 @@ const STILL_STANDS_OUT: f64 = 2.0;
 const SHARP_STANDS_OUT: f64 = 2.5;
 /// An edge runs out in a step that turns by more than this share of the explained turn.
 const RUNS_OUT: f64 = 0.4;
-/// An edge runs out in a step whose turn is between these two shares of the turn of the step before it.
+/// An edge goes on in a step that turns by at least the first of these shares of the step before it, and runs
+/// out in one that turns by less than the second.
 const FADES: [f64; 2] = [0.25, 0.6];
 /// At each step, the mitre of two fillets loses as much of its turn as the facets beside it turn by: between
 /// these two multiples of the explained turn.
@@ -93,6 +94,8 @@ pub(super) struct Steps<'a> {
     pub(super) edges: &'a [Facing],
     /// By how much the facets of two widths that take turns turn at least, rad, if they are of a prism.
     pub(super) turn_of_prism: f64,
+    /// Standard deviation of the positions by the rounding of the file's numbers, mm.
+    pub(super) rounding: f64,
 }
 
 /// What the section through a step shows.
@@ -178,9 +181,9 @@ impl Steps<'_> {
         let ends = self.by_place(self.steps);
         let measured = mapped(fork, self.steps.len(), |number| {
             let step = self.measure(self.steps[number])?;
-            let is_judged =
+            let stays =
                 step.stands_out_alone() || step.is_bending || !self.exceeds_limits(number, step.turn, &ends);
-            Some(if is_judged { step } else { Measured { explained: 0.0, may_be_in_row: false, ..step } })
+            Some(if stays { step } else { Measured { explained: 0.0, may_be_in_row: false, ..step } })
         });
         let mut is_crease = self.chains(&measured, &ends);
         let found = self.steps.iter().zip(&is_crease).filter(|(_, is_crease)| **is_crease);

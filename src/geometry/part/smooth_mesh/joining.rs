@@ -275,7 +275,9 @@ impl SmoothMesh {
         cut(&mut opposite, &sharp);
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
         let turn_of_prism = if only_shades { TURN_OF_SHADED_PRISM } else { TURN_OF_PRISM };
-        let steps_between = Steps { facets, places: &places, steps: &steps, edges: &sharp, turn_of_prism };
+        let rounding = rounding::deviation(mesh.positions());
+        let steps_between =
+            Steps { facets, places: &places, steps: &steps, edges: &sharp, turn_of_prism, rounding };
         let mut creases = steps_between.creases(fork);
         creases.retain(|&crease| !known.cambers.iter().any(|camber| camber.has(crease)));
         let facets = Facets { positions: &positions, triangles: corners, continued: &opposite };
@@ -316,7 +318,7 @@ impl SmoothMesh {
             doubts: Vec::new(),
             slope_doubts: Vec::new(),
             has_given_normals,
-            rounding: rounding::deviation(mesh.positions()),
+            rounding,
             creases: Vec::new(),
             beside_arcs: hidden_arcs::directions(&hidden),
             cones: Vec::new(),
