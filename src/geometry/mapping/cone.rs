@@ -1,11 +1,12 @@
 //! The exact map onto a cone with any direction, tilt and offset.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Point3, Unit, Vector2, Vector3};
+use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 
 use super::cylinder::ON_FACE;
 use super::patch::{SampledPatch, TooFewPoints};
 use super::tangent::tangent_frame;
 pub use crate::geometry::cone::Cone;
+use crate::geometry::shape_fit::{ONE_WAY, principal_directions};
 use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
@@ -96,31 +97,17 @@ fn start_cone(patch: &SampledPatch) -> Result<Cone, ConeError> {
         .map(|normal| (normal - mean) * (normal - mean).transpose())
         .sum::<Matrix3<f64>>()
         / count;
-    let eigen = spread.symmetric_eigen();
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let [thin, middle, wide] = order.map(|index| eigen.eigenvalues[index].max(0.0).sqrt());
+    let (axis, [thin, middle, wide]) = principal_directions(&spread);
     if wide < MIN_TURN {
         return Err(ConeError::NoApex { what: "it is flat" });
     }
     // A short arc of the circle is nearly straight, so its plane is determined by its bend: compare thin with middle.
-    if thin > middle / 3.0 {
+    if thin > middle / ONE_WAY {
         return Err(ConeError::NoApex { what: "it is curved in both directions" });
     }
-    let axis = eigen.eigenvectors.column(order[0]).into_owned();
-    // Each tangent plane contains the apex.
-    let matrix = DMatrix::from_fn(patch.points.len(), 3, |row, column| patch.normals[row][column]);
-    let right =
-        DVector::from_fn(patch.points.len(), |row, _| patch.normals[row].dot(&patch.points[row].coords));
-    let apex = matrix
-        .tr_mul(&matrix)
-        .cholesky()
-        .map(|factor| factor.solve(&matrix.tr_mul(&right)))
-        .ok_or(ConeError::NoApex { what: "its tangent planes do not meet in a point" })?;
-    let apex = Point3::new(apex[0], apex[1], apex[2]);
-    let inward = if (patch.center() - apex).dot(&axis) < 0.0 { -axis } else { axis };
-    let half_angle = mean.dot(&inward).abs().min(1.0).asin();
-    Ok(Cone { apex, axis: Unit::new_normalize(inward), half_angle })
+    let planes = patch.points.iter().copied().zip(patch.normals.iter().copied());
+    Cone::from_tangent_planes(axis, &mean, planes, &patch.center())
+        .ok_or(ConeError::NoApex { what: "its tangent planes do not meet in a point" })
 }
 
 /// The exact map from the drawing to the view by unrolling a cone about the anchor: the generators become rays from the
@@ -246,7 +233,7 @@ mod tests {
         let axis = Vector3::new(azimuth.cos() * tilt.cos(), azimuth.sin() * tilt.cos(), tilt.sin());
         // The middle of the view is 60 mm from the apex along the axis and about 60·tan α above the axis.
         let apex = Point3::new(0.0, 0.0, -60.0 * half_angle.tan()) - axis * 60.0;
-        Cone { apex, axis: Unit::new_normalize(axis), half_angle }
+        Cone { apex, axis: nalgebra::Unit::new_normalize(axis), half_angle }
     }
 
     proptest! {

@@ -1,10 +1,11 @@
 //! The exact map onto a cylinder with any direction, tilt and offset.
 
-use nalgebra::{Matrix3, Point3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::patch::{SampledPatch, TooFewPoints};
 use super::tangent::tangent_frame;
 pub use crate::geometry::cylinder::Cylinder;
+use crate::geometry::shape_fit::{ONE_WAY, principal_directions};
 use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::{FlatPoint, ViewPoint};
 
@@ -85,31 +86,14 @@ fn start_cylinder(patch: &SampledPatch) -> Result<Cylinder, CylinderError> {
     let SampledPatch { points, normals } = patch;
     let spread: Matrix3<f64> =
         normals.iter().map(|normal| normal * normal.transpose()).sum::<Matrix3<f64>>() / normals.len() as f64;
-    let eigen = spread.symmetric_eigen();
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let turn = eigen.eigenvalues[order[1]].max(0.0).sqrt();
+    let (axis, [thin, turn, _]) = principal_directions(&spread);
     if turn < MIN_TURN {
         return Err(CylinderError::NoAxis { what: "it is flat" });
     }
-    if eigen.eigenvalues[order[0]].max(0.0).sqrt() > turn / 3.0 {
+    if thin > turn / ONE_WAY {
         return Err(CylinderError::NoAxis { what: "it is curved in both directions" });
     }
-    let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
-    // Across the axis, point = center + radius · normal: linear in center and (signed) radius.
-    let across = |vector: Vector3<f64>| vector - *axis * axis.dot(&vector);
-    let mean_point = patch.center().coords;
-    let mean_normal =
-        normals.iter().map(|normal| across(*normal)).sum::<Vector3<f64>>() / normals.len() as f64;
-    let (mut product, mut square) = (0.0, 0.0);
-    for (point, normal) in points.iter().zip(normals) {
-        let (p, n) = (across(point.coords - mean_point), across(*normal) - mean_normal);
-        product += p.dot(&n);
-        square += n.norm_squared();
-    }
-    let signed_radius = product / square;
-    let center = Point3::from(mean_point - mean_normal * signed_radius);
-    Ok(Cylinder { center, axis, radius: signed_radius.abs() })
+    Ok(Cylinder::from_normals(axis, points, normals))
 }
 
 /// The exact map from the drawing to the view by unrolling a cylinder about the anchor.
@@ -220,7 +204,7 @@ mod tests {
 
     fn cylinder(azimuth: f64, tilt: f64, radius: f64) -> Cylinder {
         let axis = Vector3::new(azimuth.cos() * tilt.cos(), azimuth.sin() * tilt.cos(), tilt.sin());
-        Cylinder { center: Point3::new(1.0, -2.0, 3.0), axis: Unit::new_normalize(axis), radius }
+        Cylinder { center: Point3::new(1.0, -2.0, 3.0), axis: nalgebra::Unit::new_normalize(axis), radius }
     }
 
     #[test]

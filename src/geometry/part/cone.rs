@@ -1,6 +1,6 @@
 //! A circular cone.
 
-use nalgebra::{Point3, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, Unit, Vector3};
 
 use super::shape_fit::cross_directions;
 use crate::geometry::space::ViewPoint;
@@ -17,6 +17,24 @@ pub struct Cone {
 }
 
 impl Cone {
+    /// The cone with an axis in this direction or against it whose apex is on the planes through points with these unit normals: with
+    /// `mean`, the mean of the normals, and a point `inside` of which the apex is the tip. `None` if the planes do not meet in a point.
+    pub(crate) fn from_tangent_planes(
+        axis: Unit<Vector3<f64>>,
+        mean: &Vector3<f64>,
+        planes: impl Iterator<Item = (Point3<f64>, Vector3<f64>)>,
+        inside: &Point3<f64>,
+    ) -> Option<Self> {
+        let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for (point, normal) in planes {
+            matrix += normal * normal.transpose();
+            right += normal * normal.dot(&point.coords);
+        }
+        let apex = Point3::from(matrix.cholesky()?.solve(&right));
+        let into = if (inside - apex).dot(&axis) < 0.0 { -axis } else { axis };
+        Some(Self { apex, axis: into, half_angle: mean.dot(&into).abs().min(1.0).asin() })
+    }
+
     /// Height along the axis from the apex, mm, and the vector from the axis to the point, mm.
     pub(crate) fn split(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let from_apex = point - self.apex;

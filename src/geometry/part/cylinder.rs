@@ -8,7 +8,7 @@ use crate::geometry::space::ViewPoint;
 /// A circular cylinder in the frame of the view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cylinder {
-    /// The point of the axis nearest to the fitted region's middle, mm.
+    /// A point of the axis, mm.
     pub center: Point3<f64>,
     /// Direction of the axis.
     pub axis: Unit<Vector3<f64>>,
@@ -17,6 +17,27 @@ pub struct Cylinder {
 }
 
 impl Cylinder {
+    /// The cylinder with this axis on which points are as their unit normals say: across the axis, a point is the center plus the
+    /// (signed) radius times the normal, which is linear in both.
+    pub(crate) fn from_normals(
+        axis: Unit<Vector3<f64>>,
+        points: &[Point3<f64>],
+        normals: &[Vector3<f64>],
+    ) -> Self {
+        let across = |vector: Vector3<f64>| vector - *axis * axis.dot(&vector);
+        let count = points.len() as f64;
+        let middle = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count;
+        let mean = normals.iter().map(|normal| across(*normal)).sum::<Vector3<f64>>() / count;
+        let (mut product, mut square) = (0.0, 0.0);
+        for (point, normal) in points.iter().zip(normals) {
+            let (p, n) = (across(point.coords - middle), across(*normal) - mean);
+            product += p.dot(&n);
+            square += n.norm_squared();
+        }
+        let radius = product / square;
+        Self { center: Point3::from(middle - mean * radius), axis, radius: radius.abs() }
+    }
+
     /// Distance along the axis from the centre, mm, and the vector from the axis to the point, mm.
     pub(crate) fn split(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let from_center = point - self.center;

@@ -1,6 +1,6 @@
 //! Fits a shape to points by least squares.
 
-use nalgebra::{Point3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
 
 /// A fit has converged when its step is below this, mm and rad.
 const CONVERGED: f64 = 1e-10;
@@ -70,6 +70,20 @@ pub(crate) fn left_after_fit<const PARAMETERS: usize, const MOVEMENTS: usize>(
     let Some(factor) = matrix.cholesky() else { return SMatrix::zeros() };
     let left = (all - right.transpose() * factor.solve(&right)) / points.len().max(1) as f64;
     if left.iter().all(|value| value.is_finite()) { left } else { SMatrix::zeros() }
+}
+
+/// A surface is curved in two directions if its normals leave the plane or the circle in which they should turn by more than the next
+/// larger spread divided by this.
+pub(crate) const ONE_WAY: f64 = 3.0;
+
+/// The direction in which vectors spread least, and the root mean squares of their parts along it and along the two directions at right
+/// angles to it, in ascending order, from the mean of the products of the vectors with themselves.
+pub(crate) fn principal_directions(products: &Matrix3<f64>) -> (Unit<Vector3<f64>>, [f64; 3]) {
+    let eigen = products.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+    let thinnest = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
+    (thinnest, order.map(|index| eigen.eigenvalues[index].max(0.0).sqrt()))
 }
 
 /// Two unit vectors perpendicular to `axis` and to each other.

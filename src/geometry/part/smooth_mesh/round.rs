@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Matrix3, Point3, Unit, Vector2, Vector3};
 
 use crate::geometry::cone::Cone;
 use crate::geometry::cylinder::Cylinder;
-use crate::geometry::shape_fit::{self, cross_directions};
+use crate::geometry::shape_fit::{self, cross_directions, principal_directions};
 
 /// The normals of facets on a cylinder leave the plane across its axis by at most this share of their turn in
 /// that plane.
@@ -107,14 +107,9 @@ impl Round {
         if turn < LEAST_TURN || thin > OF_BEND * bend {
             return None;
         }
-        let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for Plane { normal, at } in planes {
-            matrix += normal * normal.transpose();
-            right += normal * normal.dot(&at.coords);
-        }
-        let apex = Point3::from(matrix.cholesky()?.solve(&right));
-        let into = if (planes.first()?.at - apex).dot(&axis) < 0.0 { -axis } else { axis };
-        Some(Cone { apex, axis: into, half_angle: mean.dot(&into).abs().min(1.0).asin() })
+        let first = planes.first()?.at;
+        let planes = planes.iter().map(|plane| (plane.at, plane.normal));
+        Cone::from_tangent_planes(axis, &mean, planes, &first)
     }
 
     /// The cone on which the points are, within `near`, mm, found from `start`; at its apex, or beyond it, where it has normals.
@@ -253,11 +248,8 @@ pub(super) fn principal(spread: Matrix3<f64>, share: f64) -> Option<([f64; 3], U
     if spread.determinant() * trace > most + ROUNDING * trace.powi(4) {
         return None;
     }
-    let eigen = spread.symmetric_eigen();
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let extents = order.map(|index: usize| eigen.eigenvalues[index].max(0.0).sqrt());
-    Some((extents, Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned())))
+    let (thinnest, extents) = principal_directions(&spread);
+    Some((extents, thinnest))
 }
 
 /// By how much the distances of points from a cylinder differ at most, mm, from what their derivatives state after a step to the next

@@ -10,14 +10,14 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-use nalgebra::{Matrix3, Point3, SMatrix, SVector, Unit, Vector3};
+use nalgebra::{Matrix3, Point3, SMatrix, SVector, Vector3};
 
 use super::cells::Cells;
 use super::penalised::Smoothed;
 use super::visible::Region;
 use crate::geometry::cone::Cone;
 use crate::geometry::cylinder::Cylinder;
-use crate::geometry::shape_fit::fitted;
+use crate::geometry::shape_fit::{ONE_WAY, fitted, principal_directions};
 use crate::geometry::solid::round::RoundForm;
 use crate::geometry::space::ViewPoint;
 
@@ -32,6 +32,8 @@ const FEW: usize = 4000;
 const STEPS: [usize; 2] = [30, 4];
 /// Normals that turn by less than this, rad, do not define an axis.
 const LEAST_TURN: f64 = 0.05;
+/// Normals of a cone that leave a straight line by less than this, rad, do not define its axis.
+const LEAST_BEND: f64 = LEAST_TURN * FRAC_1_SQRT_2 * 0.1;
 /// Cones that are slimmer or flatter than this, rad, are not distinguished from cylinders and planes.
 const LEAST_ANGLE: f64 = 0.5 * PI / 180.0;
 /// Squares that are at most this many cells wide share one scatter of their points.
@@ -214,22 +216,11 @@ fn possible_steps<const PARAMETERS: usize>(
 /// A cylinder whose axis is perpendicular to all normals, and on which the points are as their normals say.
 fn first_cylinder(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Option<Cylinder> {
     let spread: Matrix3<f64> = normals.iter().map(|normal| normal * normal.transpose()).sum();
-    let (axis, [thin, turn]) = thinnest(&(spread / normals.len() as f64));
-    if turn < LEAST_TURN || thin > turn / 3.0 {
+    let (axis, [thin, turn, _]) = principal_directions(&(spread / normals.len() as f64));
+    if turn < LEAST_TURN || thin > turn / ONE_WAY {
         return None;
     }
-    let across = |vector: Vector3<f64>| vector - *axis * axis.dot(&vector);
-    let count = points.len() as f64;
-    let middle = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count;
-    let mean = normals.iter().map(|normal| across(*normal)).sum::<Vector3<f64>>() / count;
-    let (mut product, mut square) = (0.0, 0.0);
-    for (point, normal) in points.iter().zip(normals) {
-        let (p, n) = (across(point.coords - middle), across(*normal) - mean);
-        product += p.dot(&n);
-        square += n.norm_squared();
-    }
-    let radius = product / square;
-    Some(Cylinder { center: Point3::from(middle - mean * radius), axis, radius: radius.abs() })
+    Some(Cylinder::from_normals(axis, points, normals))
 }
 
 /// A cone whose axis is the middle of the circle of all normals, and whose apex is on all tangent planes.
@@ -238,29 +229,13 @@ fn first_cone(points: &[Point3<f64>], normals: &[Vector3<f64>]) -> Option<Cone> 
     let mean = normals.iter().sum::<Vector3<f64>>() / count;
     let off = normals.iter().map(|normal| normal - mean);
     let spread: Matrix3<f64> = off.map(|off| off * off.transpose()).sum();
-    let (axis, [thin, middle]) = thinnest(&(spread / count));
-    if middle < LEAST_TURN * FRAC_1_SQRT_2 * 0.1 || thin > middle / 3.0 {
+    let (axis, [thin, bend, _]) = principal_directions(&(spread / count));
+    if bend < LEAST_BEND || thin > bend / ONE_WAY {
         return None;
     }
-    let mut matrix = Matrix3::zeros();
-    let mut right = Vector3::zeros();
-    for (point, normal) in points.iter().zip(normals) {
-        matrix += normal * normal.transpose();
-        right += normal * normal.dot(&point.coords);
-    }
-    let apex = Point3::from(matrix.cholesky()?.solve(&right));
     let center = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / count;
-    let axis = if (center - apex.coords).dot(&axis) < 0.0 { -axis } else { axis };
-    Some(Cone { apex, axis, half_angle: mean.dot(&axis).abs().min(1.0).asin() })
-}
-
-/// The direction in which normals spread least, and how far they do in that and in the next.
-fn thinnest(spread: &Matrix3<f64>) -> (Unit<Vector3<f64>>, [f64; 2]) {
-    let eigen = spread.symmetric_eigen();
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    let axis = Unit::new_normalize(eigen.eigenvectors.column(order[0]).into_owned());
-    (axis, [order[0], order[1]].map(|index| eigen.eigenvalues[index].max(0.0).sqrt()))
+    let planes = points.iter().copied().zip(normals.iter().copied());
+    Cone::from_tangent_planes(axis, &mean, planes, &center.into())
 }
 
 /// Sums over the points of a square.
