@@ -654,7 +654,7 @@ fn distances_between_crosses_of_another_grid_are_refused() {
 }
 
 #[test]
-fn a_lens_that_nobody_stated_is_noted_where_it_matters() {
+fn a_lens_that_the_settings_do_not_state_is_noted_where_it_matters() {
     let desk = Desk::new();
     let sides = |x: f64, y: f64| {
         let line = |[from, to]: [[f64; 2]; 2]| {
@@ -679,7 +679,7 @@ fn a_lens_that_nobody_stated_is_noted_where_it_matters() {
         "{shift}: {notice}"
     );
     let summary = desk.isomark(&["correct", "--cylinder", "66,120", "wide.dxf", "--out", "out.dxf"]).err;
-    assert!(summary.contains("\n  note: nobody stated the lens"), "{summary}");
+    assert!(summary.contains("\n  note: the settings state no lens"), "{summary}");
     for (drawing, options) in [
         ("small.dxf", ""),
         ("wide.dxf", "--set optics.kind=telecentric"),

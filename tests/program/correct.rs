@@ -186,7 +186,7 @@ fn a_summary_for_people_goes_only_to_standard_error() {
     // settings state.
     assert_eq!(output.err.trim_end().lines().count(), 9, "{}", output.err);
     assert!(
-        output.err.lines().any(|line| line.starts_with("  note: nobody stated the lens")),
+        output.err.lines().any(|line| line.starts_with("  note: the settings state no lens")),
         "{}",
         output.err
     );
