@@ -18,8 +18,9 @@ const LARGEST_TURN: f64 = 0.5;
 const OF_TURN: f64 = 1.15;
 /// Chords along the profile leave it by at most this many times what those of a ring leave their circle, if that is the limit.
 const OF_SAGITTA: f64 = 1.5;
-/// A ring has at most this many vertices: a finer one shows no limits that matter.
-const MOST_VERTICES: f64 = 720.0;
+/// A ring has between these numbers of vertices: edges are told apart too badly by coarser ones, and finer ones show no limits that
+/// matter.
+const VERTICES: [f64; 2] = [24.0, 720.0];
 /// Sides of one ring have lengths, and turn by angles, that differ by less than this share.
 const REGULAR: f64 = 0.05;
 /// The difference of two angles of a ring is at most this many standard deviations of the vertices over the length of a side.
@@ -106,7 +107,8 @@ impl Steps<'_> {
         let ((one, back), (other, ahead)) = (before?, after?);
         let turn = (one + other) / 2.0;
         let open = OF_ROUNDING * self.rounding / (length * turn);
-        if !(turn > TAU / MOST_VERTICES && (one - other).abs() < REGULAR.max(open) * turn && open < 0.5) {
+        let is_fine = (VERTICES[0]..VERTICES[1]).contains(&(TAU / turn));
+        if !(is_fine && (one - other).abs() < REGULAR.max(open) * turn && open < 0.5) {
             return None;
         }
         let bend = back.normalize() + ahead.normalize();
