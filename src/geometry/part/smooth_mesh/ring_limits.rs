@@ -18,9 +18,9 @@ const LARGEST_TURN: f64 = 0.5;
 const OF_TURN: f64 = 1.15;
 /// Chords along the profile leave it by at most this many times what those of a ring leave their circle, if that is the limit.
 const OF_SAGITTA: f64 = 1.5;
-/// A ring has between these numbers of vertices: edges are told apart too badly by coarser ones, and finer ones show no limits that
+/// A ring has between these numbers of vertices: the limits of coarser ones are as large as most edges, and finer ones show none that
 /// matter.
-const VERTICES: [f64; 2] = [24.0, 720.0];
+const VERTICES: [f64; 2] = [30.0, 720.0];
 /// Sides of one ring have lengths, and turn by angles, that differ by less than this share.
 const REGULAR: f64 = 0.05;
 /// The difference of two angles of a ring is at most this many standard deviations of the vertices over the length of a side.
