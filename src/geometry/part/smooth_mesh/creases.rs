@@ -74,6 +74,8 @@ const OF_WIDTH: f64 = 0.3;
 const NO_CORNER: f64 = 0.25;
 /// A corner beside a step continues its bend if it turns the same way by more than this share of it.
 const BENDING: f64 = 0.5;
+/// The other end of a slope turns back by at least this share of the turn at its first, and at most as many times more.
+const BACK: f64 = 0.6;
 /// Where sections run across a step besides the one in its middle, as shares of its length.
 const CUTS: [f64; 2] = [0.3, 0.7];
 /// At most this many steps are looked at round one place, because edges do not meet by the hundred.
@@ -109,8 +111,8 @@ struct Measured {
     height: f64,
     /// Whether there is nothing beside it that could explain anything: the part ends on both sides.
     is_alone: bool,
-    /// Whether a next corner turns the same way by a notable share of it, as along a curve.
-    is_bending: bool,
+    /// Whether the section turns back on one side by about as much, and goes on the same way on neither: one end of a slope.
+    ends_slope: bool,
     /// Whether it is between a flat and a curved side.
     is_at_flat: bool,
     /// Whether this flat may be one of a row of equal facets round a ball or a barrel.
@@ -182,7 +184,7 @@ impl Steps<'_> {
         let measured = mapped(fork, self.steps.len(), |number| {
             let step = self.measure(self.steps[number])?;
             let stays =
-                step.stands_out_alone() || step.is_bending || !self.exceeds_limits(number, step.turn, &ends);
+                step.stands_out_alone() || !step.ends_slope || !self.exceeds_limits(number, step.turn, &ends);
             Some(if stays { step } else { Measured { explained: 0.0, may_be_in_row: false, ..step } })
         });
         let mut is_crease = self.chains(&measured, &ends);
@@ -455,9 +457,7 @@ impl Steps<'_> {
             explained: explained[0] + explained[1],
             height,
             is_alone: known == [None; 2],
-            is_bending: [0, 1]
-                .into_iter()
-                .any(|side| beside[side].turns[0] * ahead(side) > BENDING * turned * turned),
+            ends_slope: ends_slope([0, 1].map(|side| beside[side].turns.map(|turn| turn / ahead(side)))),
             is_at_flat: false,
             may_be_in_row: false,
         })
@@ -517,6 +517,16 @@ impl Steps<'_> {
         let [from, to] = self.facets.ends((3 * one..3 * one + 3).find(continues)?);
         Some(to - from)
     }
+}
+
+/// Whether a step ends a slope: by the turns at the next two corners on both sides, as shares of that of the step, which are positive
+/// where they go on the same way.
+fn ends_slope(shares: [[f64; 2]; 2]) -> bool {
+    let turns_back = |[near, far]: [f64; 2]| {
+        let is_back = |share: f64| (BACK..1.0 / BACK).contains(&-share);
+        is_back(near) || near.abs() < BENDING && is_back(far)
+    };
+    shares.iter().all(|[near, _]| *near <= BENDING) && shares.into_iter().any(turns_back)
 }
 
 /// Whether two turns, or two widths, may be the same on a regular prism or pyramid.
